@@ -1,0 +1,50 @@
+// The one interface behind which every source of depth stands: real, simulated or recorded.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "hal/depth_frame.hpp"
+
+namespace booth::hal {
+
+enum class ReadStatus : std::uint8_t {
+  frame,    ///< the slot holds a new frame
+  timeout,  ///< nothing yet; try again
+  ended,    ///< a finite source has no more frames
+  lost,     ///< the device is gone or stalled; start() may bring it back
+};
+
+struct CameraCounters {
+  std::uint64_t delivered = 0, dropped = 0, corrupt = 0, restarts = 0;
+};
+
+/// Life: start() -> read()* -> stop(), as often as wanted. read() is called by one thread at a time; counters() and last_error() by any.
+/// Frames come in order of `captured`, each at most once. read() allocates nothing after the first frame.
+class DepthCamera {
+ public:
+  virtual ~DepthCamera() = default;
+
+  /// Valid for the object's whole life.
+  virtual const CameraDescription& description() const = 0;
+
+  /// Begins streaming. Throws std::runtime_error naming the device and the remedy.
+  virtual void start() = 0;
+
+  /// Ends streaming and wakes a blocked read() (which returns `ended`). Callable from any thread; harmless when stopped.
+  virtual void stop() noexcept = 0;
+
+  /// Waits at most `timeout` for the next frame and copies it into `slot`, whose `depth` is resized on first use.
+  virtual ReadStatus read(DepthFrame& slot, Nanoseconds timeout) = 0;
+
+  virtual CameraCounters counters() const = 0;
+
+  /// One sentence on why the last read() said `lost`; empty otherwise.
+  virtual std::string last_error() const = 0;
+};
+
+using DepthCameras = std::vector<std::unique_ptr<DepthCamera>>;
+
+}  // namespace booth::hal

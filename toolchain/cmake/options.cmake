@@ -1,0 +1,38 @@
+# Compiler options that every target shares, and the one way to declare a library or a test.
+
+add_library(booth_options INTERFACE)
+target_include_directories(booth_options INTERFACE ${PROJECT_SOURCE_DIR})
+target_compile_options(booth_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wno-psabi
+  # The same bits in debug and release and on every x86-64: no fused multiply-add that the source does not ask for.
+  -ffp-contract=off)
+# One alignment in every translation unit and in every library that was built against Eigen, whatever -m flags a file gets.
+target_compile_definitions(booth_options INTERFACE EIGEN_MAX_ALIGN_BYTES=16 EIGEN_MPL2_ONLY)
+if(BOOTHD_WERROR)
+  target_compile_options(booth_options INTERFACE -Werror)
+endif()
+if(BOOTHD_SANITIZE)
+  target_compile_options(booth_options INTERFACE -fsanitize=${BOOTHD_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  target_link_options(booth_options INTERFACE -fsanitize=${BOOTHD_SANITIZE})
+  target_compile_definitions(booth_options INTERFACE BOOTHD_SANITIZED)
+endif()
+
+# booth_library(name SOURCES... [LINK libs...] [PRIVATE_LINK libs...])
+function(booth_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK;PRIVATE_LINK" ${ARGN})
+  add_library(${name} STATIC ${ARG_SOURCES})
+  target_link_libraries(${name} PUBLIC booth_options ${ARG_LINK} PRIVATE ${ARG_PRIVATE_LINK})
+endfunction()
+
+# booth_test(name SOURCES... [LINK libs...] [LABELS labels...] [TIMEOUT seconds]): a GoogleTest program whose cases ctest knows one by one.
+function(booth_test name)
+  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LINK;LABELS" ${ARGN})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE booth_options ${ARG_LINK} GTest::gtest GTest::gmock GTest::gtest_main)
+  target_compile_definitions(${name} PRIVATE
+    BOOTH_SOURCE_DIR="${PROJECT_SOURCE_DIR}"           # committed fixtures and models
+    BOOTH_BINARY_DIR="${PROJECT_BINARY_DIR}")
+  gtest_discover_tests(${name} TEST_PREFIX "${name}." DISCOVERY_MODE PRE_TEST PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+endfunction()
