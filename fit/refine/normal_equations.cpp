@@ -1,0 +1,100 @@
+// The one hot loop of refinement: a rank-32 update of the lower triangle, lane by lane.
+#include "fit/refine/normal_equations.hpp"
+
+#include <algorithm>
+
+#include "fit/kernel.hpp"
+
+namespace booth::fit {
+namespace {
+
+/// product[i * stride + j] = sum_r rows[r][i] rows[r][j] for j < stride rounded up from i + 1; each lane sums its rows in order.
+BOOTH_KERNEL void rank_update(const float* rows, int count, int unknowns, int stride, float* product) {
+  for (int i = 0; i < unknowns; ++i) {
+    float* out = product + i * stride;
+    const int width = (i / 16 + 1) * 16;
+    for (int j = 0; j < width; ++j) out[j] = 0;
+    int r = 0;
+    for (; r + 4 <= count; r += 4) {
+      const float *a = rows + r * stride, *b = a + stride, *c = b + stride, *d = c + stride;
+      const float ai = a[i], bi = b[i], ci = c[i], di = d[i];
+      if (ai == 0 && bi == 0 && ci == 0 && di == 0) continue;
+      for (int j = 0; j < width; ++j) out[j] += (ai * a[j] + bi * b[j]) + (ci * c[j] + di * d[j]);
+    }
+    for (; r < count; ++r) {
+      const float* a = rows + r * stride;
+      const float ai = a[i];
+      for (int j = 0; j < width; ++j) out[j] += ai * a[j];
+    }
+  }
+}
+
+}  // namespace
+
+NormalEquations::NormalEquations() {
+  constexpr int stride = (kMaxUnknowns + 15) / 16 * 16;
+  block_.assign(kBlock * stride, 0);
+  residual_.assign(kBlock, 0);
+  product_.assign(static_cast<std::size_t>(kMaxUnknowns) * stride, 0);
+}
+
+void NormalEquations::reset(int unknowns) {
+  unknowns_ = unknowns;
+  stride_ = (unknowns + 15) / 16 * 16;
+  rows_ = 0;
+  energy_ = 0;
+  hessian_.setZero(unknowns, unknowns);
+  gradient_.setZero(unknowns);
+}
+
+float* NormalEquations::next_row() {
+  if (rows_ == kBlock) flush();
+  float* row = block_.data() + rows_ * stride_;
+  std::fill_n(row, stride_, 0.0f);
+  return row;
+}
+
+void NormalEquations::commit(float residual) { residual_[static_cast<std::size_t>(rows_++)] = residual; }
+
+void NormalEquations::flush() {
+  if (rows_ == 0) return;
+  rank_update(block_.data(), rows_, unknowns_, stride_, product_.data());
+  for (int i = 0; i < unknowns_; ++i) {
+    for (int j = 0; j <= i; ++j) {
+      hessian_(i, j) += static_cast<double>(product_[static_cast<std::size_t>(i * stride_ + j)]);
+      hessian_(j, i) = hessian_(i, j);
+    }
+  }
+  for (int r = 0; r < rows_; ++r) {
+    const double residual = static_cast<double>(residual_[static_cast<std::size_t>(r)]);
+    const float* row = block_.data() + r * stride_;
+    energy_ += residual * residual;
+    for (int i = 0; i < unknowns_; ++i) gradient_[i] += residual * static_cast<double>(row[i]);
+  }
+  rows_ = 0;
+}
+
+void NormalEquations::add(NormalEquations& other) {
+  flush();
+  other.flush();
+  hessian_ += other.hessian_;
+  gradient_ += other.gradient_;
+  energy_ += other.energy_;
+}
+
+const UnknownMatrix& NormalEquations::hessian() {
+  flush();
+  return hessian_;
+}
+
+const UnknownVector& NormalEquations::gradient() {
+  flush();
+  return gradient_;
+}
+
+double NormalEquations::energy() {
+  flush();
+  return energy_;
+}
+
+}  // namespace booth::fit
