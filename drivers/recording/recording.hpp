@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "drivers/recording/truth_body.hpp"
+#include "drivers/truth_body.hpp"
 #include "drivers/source.hpp"
 #include "hal/clock.hpp"
 #include "hal/depth_sink.hpp"

@@ -1,7 +1,7 @@
 // Between the simulated person and the plain truth body that a recording stores.
 #pragma once
 
-#include "drivers/recording/truth_body.hpp"
+#include "drivers/truth_body.hpp"
 #include "drivers/synthetic/scene.hpp"
 
 namespace booth::drivers {
