@@ -1,6 +1,7 @@
 // The estimator as the daemon sees it: observations in, a body and a skeleton out, one call a frame.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
 #include <memory>

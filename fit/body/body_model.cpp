@@ -44,7 +44,15 @@ void check(const BodyModelData& d) {
 BodyModel::BodyModel(BodyModelData data) : data_(std::move(data)) {
   check(data_);
   // Exactly unit sums, whatever the file's precision was.
-  for (int v = 0; v < data_.skin_weight.cols(); ++v) data_.skin_weight.col(v) /= data_.skin_weight.col(v).sum();
+  for (int v = 0; v < data_.skin_weight.cols(); ++v) {
+    data_.skin_weight.col(v) /= data_.skin_weight.col(v).sum();
+    // By falling weight, so that loops over a vertex's bones may stop at the first zero.
+    for (int i = 1; i < kSkinBones; ++i)
+      for (int j = i; j > 0 && data_.skin_weight(j, v) > data_.skin_weight(j - 1, v); --j) {
+        std::swap(data_.skin_weight(j, v), data_.skin_weight(j - 1, v));
+        std::swap(data_.skin_bone(j, v), data_.skin_bone(j - 1, v));
+      }
+  }
   for (int j = 0; j < kJoints; ++j) data_.joint_regressor.row(j) /= data_.joint_regressor.row(j).sum();
 
   const auto joints_of = [&](const auto& points) -> Points3 { return (data_.joint_regressor * points.template cast<double>().transpose()).transpose(); };

@@ -29,10 +29,11 @@ struct BodyModelData {
   Eigen::VectorXd explained;         ///< K; cumulative fraction of the training variance explained by the first k+1 components
   Faces faces;
   Eigen::Matrix<std::uint8_t, kSkinBones, Eigen::Dynamic> skin_bone;
-  Eigen::Matrix<float, kSkinBones, Eigen::Dynamic> skin_weight;  ///< >= 0, columns sum to 1; unused entries 0
+  Eigen::Matrix<float, kSkinBones, Eigen::Dynamic> skin_weight;  ///< >= 0, columns sum to 1; BodyModel sorts them by falling weight; unused entries 0
   Eigen::MatrixXd joint_regressor;   ///< 24 x V, rows >= 0 and summing to 1
   PoseVector rest_pose = PoseVector::Zero();  ///< q_rest: the A-pose in CMU angles; translation zero
   Eigen::VectorXi mirror_vertex;     ///< V; index of the left/right counterpart
+  Eigen::VectorXi landmarks;         ///< vertex of each Landmark of fit/body/measure.hpp; empty when the model cannot be measured
 };
 
 /// Immutable and thread-safe after construction.

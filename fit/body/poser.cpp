@@ -1,10 +1,12 @@
 // Linear blend skinning and its exact derivatives (MATH.md 2), vertex by vertex.
 #include "fit/body/poser.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <bit>
 #include <cmath>
 
+#include "fit/body/sampling.hpp"
 #include "fit/kernel.hpp"
 
 namespace booth::fit {
@@ -23,9 +25,9 @@ inline void blend(const std::array<std::array<float, 12>, kBones>& transform, co
 
 }  // namespace
 
-Poser::Poser(const BodyModel& model, int shape_count)
-    : model_(&model), shape_count_(std::min(shape_count, model.shape_count())), shape_stride_((shape_count_ + 7) / 8 * 8) {
-  const auto n = static_cast<std::size_t>(model.vertex_count());
+Poser::Poser(const BodyModel& model, int shape_count, int vertex_count)
+    : model_(&model), shape_count_(std::min(shape_count, model.shape_count())), vertex_(spread_vertices(model, vertex_count)), shape_stride_((shape_count_ + 7) / 8 * 8) {
+  const std::size_t n = vertex_.size();
   for (auto* a : {&x, &y, &z, &nx, &ny, &nz}) a->resize(n);
   bone_.resize(n);
   weight_.resize(n);
@@ -34,18 +36,18 @@ Poser::Poser(const BodyModel& model, int shape_count)
   joint_shape_.resize(static_cast<std::size_t>(shape_count_));
   const BodyModelData& d = model.data();
   for (std::size_t v = 0; v < n; ++v) {
-    std::array<int, kSkinBones> order{0, 1, 2, 3};
-    const auto column = static_cast<Eigen::Index>(v);
-    std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return d.skin_weight(a, column) > d.skin_weight(b, column); });
+    const auto column = static_cast<Eigen::Index>(vertex_[v]);
     for (int k = 0; k < kSkinBones; ++k) {
-      weight_[v][k] = d.skin_weight(order[k], column);
-      bone_[v][k] = d.skin_bone(order[k], column);
+      weight_[v][k] = d.skin_weight(k, column);
+      bone_[v][k] = d.skin_bone(k, column);
     }
     for (int c = 0; c < 3; ++c)
-      for (int k = 0; k < shape_count_; ++k) directions_[(v * 3 + c) * shape_stride_ + k] = d.directions(static_cast<Eigen::Index>(3 * v + c), k);
+      for (int k = 0; k < shape_count_; ++k) directions_[(v * 3 + c) * shape_stride_ + k] = d.directions(3 * column + c, k);
   }
-  rest_ = d.mean;
-  rest_normals_ = d.mean;
+  rest_.resize(3 * n);
+  rest_normals_.resize(3 * n);
+  shaped_ = d.mean;
+  shaped_normals_ = d.mean;
   set_shape(ShapeVector::Zero(0));
   set_pose(model.rest_pose());
 }
@@ -56,14 +58,18 @@ BOOTH_KERNEL void Poser::set_shape(const ShapeVector& beta) {
   bone_vectors_ = model_->bone_vectors_from_joints(rest_joints_);
   const BodyModelData& d = model_->data();
   const Eigen::Index values = d.mean.size();
-  float* out = rest_.data();
+  float* out = shaped_.data();
   std::copy_n(d.mean.data(), values, out);
   for (int k = 0; k < count; ++k) {
     const float b = static_cast<float>(beta[k]);
     const float* direction = d.directions.data() + k * values;
     for (Eigen::Index i = 0; i < values; ++i) out[i] += b * direction[i];
   }
-  vertex_normals(rest_, d.faces, rest_normals_);
+  vertex_normals(shaped_, d.faces, shaped_normals_);
+  for (int i = 0; i < size(); ++i) {
+    std::copy_n(shaped_.data() + 3 * vertex_[i], 3, rest_.data() + 3 * i);
+    std::copy_n(shaped_normals_.data() + 3 * vertex_[i], 3, rest_normals_.data() + 3 * i);
+  }
 }
 
 BOOTH_KERNEL void Poser::set_pose(const PoseVector& q) {
@@ -159,11 +165,6 @@ Eigen::Matrix<double, 3, kDofs> Poser::joint_pose_jacobian(int joint) const {
     j.col(dof) = kinematics_.axis.col(dof).cross(p - kinematics_.pivot.col(dof));
   }
   return j;
-}
-
-void Poser::copy_vertices(Vertices& out) const {
-  if (out.cols() != size()) out.resize(3, size());
-  for (int i = 0; i < size(); ++i) out.col(i) = position(i);
 }
 
 }  // namespace booth::fit

@@ -11,8 +11,9 @@ namespace booth::fit {
 /// Structure-of-arrays view of a posed body. Allocates in the constructor only. Not thread-safe while it is being set; const calls are.
 class Poser {
  public:
-  /// `shape_count`: how many of the model's coefficients it follows; those behind are zero. The model must outlive the poser.
-  Poser(const BodyModel& model, int shape_count);
+  /// `shape_count`: how many of the model's coefficients it follows; those behind are zero. The poser's vertices are the first
+  /// `vertex_count` of spread_vertices(), so that any leading part of them is evenly spread over the body. The model must outlive the poser.
+  Poser(const BodyModel& model, int shape_count, int vertex_count);
 
   /// Resting vertices and normals for beta (size <= shape_count()).
   void set_shape(const ShapeVector& beta);
@@ -29,6 +30,8 @@ class Poser {
   const Points3& bone_vectors() const { return bone_vectors_; }
   Eigen::Vector3f position(int i) const { return {x[i], y[i], z[i]}; }
   Eigen::Vector3f normal(int i) const { return {nx[i], ny[i], nz[i]}; }
+  /// Index in the model of the poser's vertex i.
+  int model_vertex(int i) const { return vertex_[static_cast<std::size_t>(i)]; }
   /// The bone with the largest weight on vertex i.
   int main_bone(int i) const { return bone_[static_cast<std::size_t>(i)][0]; }
 
@@ -43,12 +46,12 @@ class Poser {
   /// Posed vertices and unit normals, CMU frame, metres.
   std::vector<float> x, y, z, nx, ny, nz;
 
-  void copy_vertices(Vertices& out) const;
-
  private:
   const BodyModel* model_;
   int shape_count_;
-  Vertices rest_, rest_normals_;
+  std::vector<int> vertex_;
+  Vertices shaped_, shaped_normals_;                            ///< of the whole model
+  std::vector<float> rest_, rest_normals_;                      ///< of the poser's vertices, x y z x y z ...
   Points3 rest_joints_, bone_vectors_;
   Kinematics kinematics_;
   std::array<std::array<float, 12>, kBones> transform_;         ///< per bone, row-major 3 x 4: rest -> posed

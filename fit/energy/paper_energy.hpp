@@ -1,0 +1,49 @@
+// The paper's whole energy (eq. 4) of one particle, evaluated on an evenly spread part of the model: what the swarm minimises.
+#pragma once
+
+#include <vector>
+
+#include "fit/body/body_model.hpp"
+#include "fit/cloud/nearest_field.hpp"
+#include "fit/cloud/observation.hpp"
+#include "fit/energy/terms.hpp"
+#include "fit/prior/pose_prior.hpp"
+
+namespace booth::fit {
+
+/// Immutable after construction but for set_observation(); evaluate() is thread-safe. A particle is q (36) and the first `shape_count` coefficients.
+class PaperEnergy {
+ public:
+  PaperEnergy(const BodyModel& model, const PosePrior& prior, int shape_count, int vertex_count, PaperWeights weights = {});
+
+  int dimensions() const { return kDofs + shape_count_; }
+  int vertex_count() const { return count_; }
+
+  struct Terms {
+    double point = 0, plane = 0, shape = 0, bone = 0, pose = 0;  ///< unweighted, in the units of terms.hpp
+    double total(const PaperWeights& w) const { return w.point * point + w.plane * plane + w.shape * shape + w.bone * bone + w.pose * pose; }
+  };
+
+  /// The cloud and the field over it must outlive the evaluations.
+  void set_observation(const Cloud& cloud, const NearestField& field) { cloud_ = &cloud, field_ = &field; }
+  Terms evaluate(const float* particle) const;
+  double energy(const float* particle) const { return evaluate(particle).total(weights_); }
+
+  /// Distance in metres that a vertex outside the field's band is charged with.
+  static constexpr float kOutside = 0.3f;
+
+ private:
+  const BodyModel& model_;
+  const PosePrior& prior_;
+  PaperWeights weights_;
+  int shape_count_, count_;
+  // Groups of kLane vertices; within a group [coordinate or coefficient][lane], contiguous, so that a particle streams through memory once.
+  static constexpr int kLane = 16;
+  std::vector<float> shape_;    ///< per group: mean x, y, z and normal x, y, z, then for each coefficient the same six; kLane floats each
+  std::vector<std::uint8_t> bone_;
+  std::vector<float> weight_;
+  const Cloud* cloud_ = nullptr;
+  const NearestField* field_ = nullptr;
+};
+
+}  // namespace booth::fit

@@ -1,0 +1,188 @@
+// Chooses between presets and between men and women, decides found, tracked or lost, and fills in the result.
+#include "fit/estimator.hpp"
+
+#include <stdexcept>
+#include <vector>
+
+#include "fit/cloud/nearest_field.hpp"
+#include "fit/energy/terms.hpp"
+#include "fit/parallel.hpp"
+#include "fit/track/booth_fitter.hpp"
+#include "fit/track/diagnostics.hpp"
+#include "fit/track/paper_fitter.hpp"
+
+namespace booth::fit {
+namespace {
+
+constexpr int kBadFramesUntilSearch = 2;   // a single bad frame is bridged, not searched
+
+}  // namespace
+
+struct Estimator::Impl {
+  struct Candidate {
+    std::shared_ptr<const BodyModel> model;
+    std::unique_ptr<BoothFitter> booth;
+    std::unique_ptr<PaperFitter> paper;
+    std::unique_ptr<Diagnostics> diagnostics;
+  };
+
+  EstimatorSettings settings;
+  std::shared_ptr<const PosePrior> prior;
+  WorkerPool pool;
+  std::vector<Candidate> candidates;
+  std::unique_ptr<NearestField> field;
+  Candidate* person = nullptr;   ///< whose body is known
+  Candidate* last = nullptr;     ///< who made the last result
+  bool following = false;
+  int bad_frames = 0;
+  FitResult result;
+
+  Impl(std::shared_ptr<const BodyModel> men, std::shared_ptr<const BodyModel> women, std::shared_ptr<const PosePrior> p, EstimatorSettings s)
+      : settings(s), prior(std::move(p)), pool(s.threads) {
+    if (!prior) throw std::invalid_argument("estimator: there is no pose prior");
+    prior->check();
+    for (auto& model : {men, women}) {
+      if (!model || (s.sex == SexChoice::men && model->sex() != Sex::men) || (s.sex == SexChoice::women && model->sex() != Sex::women)) continue;
+      Candidate c;
+      c.model = model;
+      if (s.preset == Preset::booth) c.booth = std::make_unique<BoothFitter>(*model, *prior, pool);
+      else c.paper = std::make_unique<PaperFitter>(*model, *prior, pool);
+      c.diagnostics = std::make_unique<Diagnostics>(*model);
+      candidates.push_back(std::move(c));
+    }
+    if (candidates.empty()) throw std::invalid_argument("estimator: no body model for the sex that was asked for");
+    if (s.preset == Preset::paper) field = std::make_unique<NearestField>(s.cloud_capacity);
+    last = &candidates.front();
+  }
+
+  void reset() {
+    for (Candidate& c : candidates) {
+      if (c.booth) c.booth->reset();
+      if (c.paper) c.paper->reset();
+    }
+    person = nullptr;
+    following = false;
+    bad_frames = 0;
+    result = FitResult{};
+  }
+
+  Solution solve(Candidate& c, const Observation& observation, const PoseVector* initial) {
+    if (c.booth) return c.booth->start(observation, initial);
+    return c.paper->step(observation, *field, Random(settings.seed, observation.frame), initial);
+  }
+
+  void adopt(Candidate& c, const Observation& observation, const Solution& s) {
+    if (c.booth) c.booth->adopt(observation, s);
+    else c.paper->adopt(s);
+  }
+
+  /// From nothing (or `initial`): each model in question is fitted, the better explanation is kept.
+  void start(const Observation& observation, const PoseVector* initial, bool exact) {
+    Solution best;
+    Candidate* chosen = person ? person : &candidates.front();
+    int iterations = 0;
+    for (Candidate& c : candidates) {
+      if (person && &c != person) continue;  // the person who was lost is looked for with the body that is known
+      Solution s = solve(c, observation, initial);
+      iterations += s.iterations;
+      if (&c == &candidates.front() || &c == person || s.report.energy < best.report.energy) best = s, chosen = &c;
+    }
+    best.iterations = iterations;
+    // Several models went through: the winner's buffers already hold its own solution.
+    following = best.found;
+    bad_frames = 0;
+    if (best.found) {
+      person = chosen;
+      adopt(*chosen, observation, best);
+    }
+    fill(*chosen, observation, best, best.found ? FitState::estimated : FitState::lost, exact);
+  }
+
+  void fill(Candidate& c, const Observation& observation, const Solution& s, FitState state, bool exact) {
+    last = &c;
+    result.state = state;
+    result.sex = c.model->sex();
+    result.q = s.q;
+    result.beta = s.beta;
+    result.iterations = s.iterations;
+    c.diagnostics->describe(observation, exact, result);
+    const Points3 vectors = c.model->bone_vectors(s.beta);
+    result.energy = EnergyTerms{};
+    result.energy.shape = shape_energy(s.beta);
+    result.energy.bone = bone_energy(vectors);
+    result.energy.pose = pose_energy(*prior, s.q);
+    result.energy.total = s.report.energy;
+    if (c.booth) {
+      result.energy.cloud_to_model = s.report.data;
+      result.energy.free_space = s.report.free_space;
+      if (state != FitState::lost) c.diagnostics->covariance(c.booth->refiner().information(), result);
+      result.body_accepted = c.booth->shape_settled();
+    } else {
+      std::vector<float>& particle = scratch;
+      particle.resize(static_cast<std::size_t>(c.paper->energy().dimensions()));
+      for (int k = 0; k < kDofs; ++k) particle[static_cast<std::size_t>(k)] = static_cast<float>(s.q[k]);
+      for (int k = 0; k < s.beta.size(); ++k) particle[static_cast<std::size_t>(kDofs + k)] = static_cast<float>(s.beta[k]);
+      if (observation.cloud.size > 0 && state != FitState::lost) {
+        const PaperEnergy::Terms terms = c.paper->energy().evaluate(particle.data());
+        result.energy.point = terms.point, result.energy.plane = terms.plane;
+      }
+      // The swarm gives no curvature: each joint is as uncertain as the cloud is far.
+      const double variance = result.cloud_to_model.mean * result.cloud_to_model.mean;
+      for (auto& covariance : result.joint_covariance) covariance = variance * Eigen::Matrix3d::Identity();
+      result.body_accepted = state == FitState::tracked;
+    }
+  }
+  std::vector<float> scratch;
+
+  void step(const Observation& observation) {
+    if (field) field->build(observation.cloud, pool);
+    if (following) {
+      Candidate& c = *person;
+      const Solution s = c.booth ? c.booth->track(observation) : c.paper->step(observation, *field, Random(settings.seed, observation.frame), nullptr);
+      if (s.found) {
+        if (c.paper) c.paper->adopt(s);
+        bad_frames = 0;
+        fill(c, observation, s, FitState::tracked, false);
+        return;
+      }
+      if (++bad_frames < kBadFramesUntilSearch) {
+        fill(c, observation, s, FitState::lost, false);
+        return;
+      }
+      following = false;
+      if (c.booth) c.booth->lose();
+      else c.paper->reset();
+    }
+    start(observation, nullptr, false);
+  }
+};
+
+Estimator::Estimator(std::shared_ptr<const BodyModel> men, std::shared_ptr<const BodyModel> women, std::shared_ptr<const PosePrior> prior, EstimatorSettings settings)
+    : impl_(std::make_unique<Impl>(std::move(men), std::move(women), std::move(prior), settings)) {}
+Estimator::~Estimator() = default;
+
+void Estimator::reset() { impl_->reset(); }
+
+const FitResult& Estimator::step(const Observation& observation) {
+  impl_->step(observation);
+  return impl_->result;
+}
+
+const FitResult& Estimator::fit(const Observation& observation, const PoseVector* initial) {
+  impl_->reset();
+  if (impl_->field) impl_->field->build(observation.cloud, impl_->pool);
+  impl_->start(observation, initial, true);
+  return impl_->result;
+}
+
+const BodyModel& Estimator::model() const { return *impl_->last->model; }
+const Vertices& Estimator::posed_vertices() const { return impl_->last->diagnostics->vertices(); }
+
+std::size_t Estimator::memory_bytes() const {
+  std::size_t bytes = sizeof(Impl);
+  for (const auto& c : impl_->candidates) bytes += c.booth ? c.booth->memory_bytes() : c.paper->memory_bytes();
+  if (impl_->field) bytes += impl_->field->memory_bytes();
+  return bytes;
+}
+
+}  // namespace booth::fit

@@ -1,0 +1,181 @@
+// Search, refinement in widening detail, motion model, and an information filter over the shape.
+#include "fit/track/booth_fitter.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+namespace booth::fit {
+namespace {
+
+constexpr int kShapeCount = 24;        // coefficients that preset booth follows
+constexpr int kCandidates = 20;        // poses that get a first refinement
+constexpr int kFinalists = 3;          // and those of them that get a full one
+constexpr int kFewestPoints = 200;     // fewer are no person
+constexpr double kLostData = 0.55;     // robust residual above which the model does not explain the cloud
+constexpr double kLostFreeSpace = 0.45;
+constexpr double kVelocityMemory = 0.4;      // share of the old velocity in the new
+constexpr double kPredictionShare = 0.8;     // of the velocity that is trusted for one frame
+constexpr double kShapeFrameTrust = 0.25;    // frames 1/30 s apart are not independent looks at the body
+constexpr double kMostShapeFrames = 60;      // the belief never weighs more than so many frames: it stays correctable
+
+}  // namespace
+
+BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerPool& pool)
+    : model_(model),
+      prior_(prior),
+      search_(model, prior, pool),
+      coarse_(model, prior, {.shape_count = 10, .vertices = 1500, .model_samples = 300}, pool),
+      fine_(model, prior, {.shape_count = kShapeCount, .vertices = model.vertex_count(), .model_samples = 700}, pool) {
+  coarse_schedule_ = {.cloud_samples = 500, .model_samples = 200, .shape = false, .stages = {{8, 0.15f, 0.35f}}};
+  middle_schedule_ = {.cloud_samples = 800, .model_samples = 300, .shape = true, .stages = {{12, 0.08f, 0.20f}}};
+  start_schedule_ = {.cloud_samples = 2000, .model_samples = 700, .shape = true, .stages = {{10, 0.05f, 0.15f}, {10, 0.025f, 0.10f}}};
+  first_track_schedule_ = {.cloud_samples = 1500, .model_samples = 500, .shape = true, .stages = {{3, 0.05f, 0.15f}, {5, 0.025f, 0.10f}}};
+  track_schedule_ = first_track_schedule_;
+  track_schedule_.shape = false;
+  const auto identity = [](int n) {
+    ShapeBelief b;
+    b.mean = ShapeVector::Zero(n);
+    b.information = UnknownMatrix::Identity(n, n);
+    return b;
+  };
+  no_belief_ = identity(coarse_.shape_count());
+  belief_ = identity(fine_.shape_count());
+  vertex_velocity_ = Vertices::Zero(3, fine_.poser().size());
+  candidates_.reserve(kCandidates);
+  solutions_.resize(kCandidates);
+  reset();
+}
+
+void BoothFitter::reset() {
+  lose();
+  belief_.mean.setZero(fine_.shape_count());
+  belief_.information.setIdentity(fine_.shape_count(), fine_.shape_count());
+  beta_ = belief_.mean;
+  if (shape_frames_ > 0) search_.set_shape(beta_);
+  shape_frames_ = 0;
+}
+
+void BoothFitter::lose() {
+  velocity_.setZero();
+  tracked_frames_ = 0;
+}
+
+bool BoothFitter::accepted(const RefineReport& report, const Observation& observation) const {
+  return observation.cloud.size >= kFewestPoints && report.data < kLostData && report.free_space < kLostFreeSpace;
+}
+
+void BoothFitter::refine_fine(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity, Solution& solution) {
+  solution.report = fine_.refine(observation, weights_, schedule, belief, belief_, velocity, solution.q, solution.beta);
+  solution.iterations += solution.report.iterations;
+  solution.found = accepted(solution.report, observation);
+}
+
+Solution BoothFitter::start(const Observation& observation, const PoseVector* initial) {
+  Solution best;
+  best.beta = beta_;
+  if (observation.cloud.size < kFewestPoints) return best;
+  const bool from_cloud_alone = observation.views.empty();
+  for (RefineSchedule* s : {&coarse_schedule_, &middle_schedule_, &start_schedule_}) s->model_to_cloud = from_cloud_alone;
+  const PoseBelief nothing;
+
+  int iterations = 0;
+  if (initial) {
+    best.q = *initial;
+  } else {
+    const bool known = shape_frames_ > 0;
+    if (known) search_.set_shape(beta_);
+    search_.search(observation, kCandidates, candidates_);
+    const auto by_energy = [](const Solution& a, const Solution& b) { return a.report.energy < b.report.energy; };
+    auto end = solutions_.begin();
+    for (const StartCandidate& candidate : candidates_) {
+      Solution& s = *end++;
+      s.q = candidate.q;
+      s.beta = known ? ShapeVector(beta_.head(coarse_.shape_count())) : ShapeVector::Zero(coarse_.shape_count());
+      s.report = coarse_.refine(observation, weights_, coarse_schedule_, nothing, no_belief_, nullptr, s.q, s.beta);
+      iterations += s.report.iterations;
+    }
+    std::stable_sort(solutions_.begin(), end, by_energy);
+    const auto finalists = solutions_.begin() + std::min<std::ptrdiff_t>(kFinalists, end - solutions_.begin());
+    middle_schedule_.shape = !known;
+    for (auto s = solutions_.begin(); s != finalists; ++s) {
+      s->report = coarse_.refine(observation, weights_, middle_schedule_, nothing, no_belief_, nullptr, s->q, s->beta);
+      iterations += s->report.iterations;
+    }
+    std::stable_sort(solutions_.begin(), finalists, by_energy);
+    best.q = solutions_.front().q;
+    if (!known) best.beta.head(coarse_.shape_count()) = solutions_.front().beta;
+  }
+  best.iterations = iterations;
+  refine_fine(observation, start_schedule_, nothing, nullptr, best);
+  return best;
+}
+
+void BoothFitter::adopt(const Observation& observation, const Solution& solution) {
+  q_ = solution.q;
+  velocity_.setZero();
+  time_ = observation.time;
+  tracked_frames_ = 0;
+  learn_shape(solution);
+}
+
+void BoothFitter::learn_shape(const Solution& solution) {
+  beta_ = solution.beta;
+  belief_.mean = solution.beta;
+  const int n = fine_.shape_count();
+  const UnknownMatrix& h = fine_.data_information();
+  if (h.rows() != kDofs + n) return;  // the shape was held
+  // What this frame alone says of the shape when the pose may be anything: the Schur complement of the pose block.
+  UnknownMatrix pose = h.topLeftCorner(kDofs, kDofs);
+  pose.diagonal().array() += 1;
+  const UnknownMatrix coupling = h.topRightCorner(kDofs, n);
+  UnknownMatrix seen = h.bottomRightCorner(n, n);
+  seen.noalias() -= coupling.transpose() * pose.ldlt().solve(coupling);
+  // Exponential forgetting keeps the weight bounded; the population prior never fades.
+  const double keep = 1 - 1 / kMostShapeFrames;
+  UnknownMatrix learnt = belief_.information;
+  learnt.diagonal().array() -= 1;
+  learnt = keep * learnt + kShapeFrameTrust * seen;
+  learnt.diagonal().array() += 1;
+  belief_.information = 0.5 * (learnt + learnt.transpose());
+  ++shape_frames_;
+}
+
+Solution BoothFitter::track(const Observation& observation) {
+  const double dt = std::clamp(observation.time - time_, 1e-3, 0.2);
+  Solution s;
+  s.q = q_ + kPredictionShare * dt * velocity_;
+  s.beta = beta_;
+  if (observation.cloud.size < kFewestPoints) return s;
+
+  PoseBelief belief;
+  belief.mean = s.q;
+  // A frame's change of speed rarely exceeds what the joint can do in one frame.
+  belief.inverse_variance = (prior_.speed_limit * dt).array().square().inverse();
+
+  // Velocity of each vertex, so that a camera's points are compared with the body at that camera's own time.
+  const bool moving = tracked_frames_ > 0 && !observation.views.empty();
+  if (moving) {
+    const Poser& poser = fine_.poser();
+    fine_.place(s.q, beta_);
+    for (int i = 0; i < poser.size(); ++i) vertex_velocity_.col(i) = poser.position(i);
+    fine_.place(s.q - dt * velocity_, beta_);
+    for (int i = 0; i < poser.size(); ++i) vertex_velocity_.col(i) = (vertex_velocity_.col(i) - poser.position(i)) / static_cast<float>(dt);
+  }
+
+  const bool learn = !shape_settled() || tracked_frames_ % 10 == 0;
+  RefineSchedule& schedule = learn ? first_track_schedule_ : track_schedule_;
+  schedule.model_to_cloud = observation.views.empty();
+  refine_fine(observation, schedule, belief, moving ? &vertex_velocity_ : nullptr, s);
+  if (!s.found) return s;
+
+  const PoseVector speed = (s.q - q_) / dt;
+  velocity_ = tracked_frames_ == 0 ? PoseVector(0.5 * speed) : PoseVector(kVelocityMemory * velocity_ + (1 - kVelocityMemory) * speed);
+  q_ = s.q;
+  time_ = observation.time;
+  ++tracked_frames_;
+  if (learn) learn_shape(s);
+  return s;
+}
+
+}  // namespace booth::fit

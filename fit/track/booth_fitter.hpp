@@ -1,0 +1,68 @@
+// Preset `booth` for one body model: start from nothing, follow from frame to frame, and learn the person's shape on the way.
+#pragma once
+
+#include <vector>
+
+#include "fit/refine/refiner.hpp"
+#include "fit/swarm/start_search.hpp"
+
+namespace booth::fit {
+
+struct Solution {
+  PoseVector q = PoseVector::Zero();
+  ShapeVector beta;
+  RefineReport report;
+  int iterations = 0;
+  bool found = false;
+};
+
+/// Allocates in the constructor only. One thread calls at a time.
+class BoothFitter {
+ public:
+  BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerPool& pool);
+
+  /// Forgets pose, motion and shape.
+  void reset();
+  /// Forgets pose and motion; the shape that was learnt stays.
+  void lose();
+
+  /// From nothing, or from `initial`. Does not change what is remembered: see adopt().
+  Solution start(const Observation& observation, const PoseVector* initial = nullptr);
+  /// Takes a solution as the person's state at the observation's time.
+  void adopt(const Observation& observation, const Solution& solution);
+  /// The next frame from the remembered state. Remembers the result if it was found.
+  Solution track(const Observation& observation);
+
+  /// Refiner that made the last solution: its poser stands at it.
+  const Refiner& refiner() const { return fine_; }
+  const ShapeBelief& shape_belief() const { return belief_; }
+  /// The shape has been learnt from enough frames.
+  bool shape_settled() const { return shape_frames_ >= kSettledFrames; }
+  const BodyModel& model() const { return model_; }
+  std::size_t memory_bytes() const { return fine_.memory_bytes() + coarse_.memory_bytes(); }
+
+ private:
+  static constexpr int kSettledFrames = 20;
+  bool accepted(const RefineReport& report, const Observation& observation) const;
+  void learn_shape(const Solution& solution);
+  void refine_fine(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity, Solution& solution);
+
+  const BodyModel& model_;
+  const PosePrior& prior_;
+  RefineWeights weights_;
+  StartSearch search_;
+  Refiner coarse_, fine_;
+  RefineSchedule coarse_schedule_, middle_schedule_, start_schedule_, first_track_schedule_, track_schedule_;
+
+  // What is remembered of the person.
+  PoseVector q_ = PoseVector::Zero(), velocity_ = PoseVector::Zero();
+  ShapeVector beta_;
+  ShapeBelief belief_, no_belief_;
+  double time_ = 0;
+  int shape_frames_ = 0, tracked_frames_ = 0;
+  Vertices vertex_velocity_;
+  std::vector<StartCandidate> candidates_;
+  std::vector<Solution> solutions_;
+};
+
+}  // namespace booth::fit
