@@ -1,0 +1,71 @@
+// A tape measure for bodies: girths, breadths and lengths by the definitions of the ANSUR II survey, read off the resting mesh.
+#pragma once
+
+#include <array>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "fit/body/body_model.hpp"
+
+namespace booth::fit {
+
+/// Vertices of the template that measures hang on. Left ones; the right is BodyModelData::mirror_vertex of it.
+enum class Landmark : int { nipple, navel, buttock, crotch, acromion, trochanterion, count };
+inline constexpr int kLandmarks = static_cast<int>(Landmark::count);
+
+enum class Measure : int {
+  stature,             ///< top of the head above the lowest vertex
+  mass,                ///< volume times kBodyDensity
+  volume,
+  chest_girth,         ///< horizontal, level of the nipples, without the arms
+  waist_girth,         ///< horizontal, level of the navel (omphalion)
+  buttock_girth,       ///< horizontal, level of the buttocks' greatest protrusion
+  thigh_girth,         ///< horizontal, left thigh at the gluteal fold, 2.5 cm below the crotch
+  calf_girth,          ///< horizontal, greatest of the left calf
+  shoulder_breadth,    ///< between the acromia
+  arm_length,          ///< left acromion to elbow to wrist
+  leg_length,          ///< left trochanterion above the lowest vertex
+  crotch_height,
+  count
+};
+inline constexpr int kMeasures = static_cast<int>(Measure::count);
+inline constexpr double kBodyDensity = 1000;  ///< kg/m^3 of the skin's volume, lungs included
+
+/// Girths are convex: the tape does not follow hollows. Units: "m", "kg", "m^3".
+struct Measurement {
+  std::string_view name;
+  double value = 0;
+  std::string_view unit;
+};
+std::string_view measure_name(Measure m);
+std::string_view measure_unit(Measure m);
+
+using MeasureValues = std::array<double, kMeasures>;
+
+/// Measures any resting mesh on one topology. Immutable and thread-safe after construction.
+class Measurer {
+ public:
+  /// Throws std::invalid_argument when the data has no landmarks or one of them is not a vertex.
+  /// `data.mean` serves to tell left from right; joint_regressor and directions are not used.
+  explicit Measurer(const BodyModelData& data);
+
+  /// `rest`: 3 x V in the A-pose, y up, metres; `joints`: its resting joints in the same frame.
+  MeasureValues measure(const Vertices& rest, const Points3& joints) const;
+
+ private:
+  using Edges = std::vector<std::pair<int, int>>;
+  static double girth(const Vertices& rest, const Edges& edges, double height);
+
+  Faces faces_;
+  Eigen::VectorXi mirror_;
+  std::array<int, kLandmarks> landmark_{};
+  Edges trunk_;     // everything but the arms
+  Edges left_leg_;  // left half without the arm
+};
+
+/// All measures of the resting body with shape `beta`; off the frame path (it allocates).
+std::vector<Measurement> measure(const BodyModel& model, const ShapeVector& beta);
+std::vector<Measurement> named(const MeasureValues& values);
+
+}  // namespace booth::fit
