@@ -19,13 +19,13 @@ Timeline::Timeline(Pace pace, std::shared_ptr<hal::Clock> clock, int lanes, hal:
       begun_(pace == Pace::fast),
       lanes_(static_cast<std::size_t>(lanes)) {}
 
-void Timeline::enter(int lane, hal::Nanoseconds next_frame) {
+void Timeline::enter(int lane) {
   const std::lock_guard lock(mutex_);
   if (!begun_) {
     origin_ = clock_->now().time_since_epoch().count();
     begun_ = true;
   }
-  lanes_[static_cast<std::size_t>(lane)] = {true, false, next_frame};
+  lanes_[static_cast<std::size_t>(lane)].streaming = true;
   changed_.notify_all();
 }
 

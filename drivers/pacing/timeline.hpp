@@ -30,12 +30,12 @@ class Timeline {
   bool begun() const { return begun_.load(); }
 
   /// A lane begins or ends streaming; leave() wakes its wait().
-  void enter(int lane, hal::Nanoseconds next_frame);
+  void enter(int lane);
   void leave(int lane) noexcept;
 
   /// Until the frame of source time `frame`, which is ready `delay` after it was taken, may be handed out.
   Wait wait(int lane, hal::Nanoseconds frame, hal::Nanoseconds delay, hal::Nanoseconds timeout);
-  /// The lane's next frame, after one was handed out; `finished` when there is none.
+  /// The lane's next frame, before the first and after one was handed out; `finished` when there is none.
   void advance(int lane, hal::Nanoseconds next_frame, bool finished);
 
  private:
