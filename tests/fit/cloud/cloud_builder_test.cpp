@@ -1,0 +1,530 @@
+// From depth images to the person: easy rooms, hard rooms, and what the report says of each.
+#include "fit/cloud/cloud_builder.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <numbers>
+#include <random>
+#include <stdexcept>
+
+#include "analytic_scene.hpp"
+#include "counted_new.hpp"
+#include "fit/cloud/pixel_rays.hpp"
+#include "fit/cloud/projection.hpp"
+
+namespace booth::fit {
+namespace {
+
+using tests::booth_cameras;
+using tests::BoothFrame;
+using tests::Scene;
+
+struct Built {
+  explicit Built(CloudBuilder& builder, std::span<const DepthInput> inputs, int capacity = 120000) : observation(builder.make_observation(capacity)) {
+    person = builder.build(inputs, observation, report);
+  }
+  Observation observation;
+  CloudReport report;
+  bool person = false;
+};
+
+Built build(const Scene& scene, CloudSettings settings = {}, int cameras = 4) {
+  const auto rig = booth_cameras(cameras);
+  const BoothFrame frame(scene, rig);
+  CloudBuilder builder(settings, rig);
+  return Built(builder, frame.inputs);
+}
+
+void expect_balanced(const CloudReport& r) { EXPECT_EQ(r.raw, r.cropped + r.floor + r.isolated + r.flying + r.other + r.person); }
+
+/// Of the pixels that the scene's owner covers, the part with this label.
+double labelled(const Built& built, const BoothFrame& frame, int owner, PixelLabel label) {
+  double all = 0, hit = 0;
+  for (std::size_t c = 0; c < frame.images.size(); ++c)
+    for (std::size_t i = 0; i < frame.images[c].owner.size(); ++i)
+      if (frame.images[c].owner[i] == owner) ++all, hit += built.observation.views[c].label[i] == label;
+  return all > 0 ? hit / all : -1;
+}
+
+TEST(PixelRays, UndoTheDistortionThatProjectAdds) {
+  Camera camera = booth_cameras(1)[0];
+  camera.distortion = {0.09f, -0.27f, 0.002f, -0.003f, 0.095f};
+  const PixelRays rays(camera, {});
+  float worst = 0;
+  for (int v = 0; v < camera.height; v += 7)
+    for (int u = 0; u < camera.width; u += 7) {
+      const Pixel p = project(camera, rays.point(static_cast<std::size_t>(v * camera.width + u), 2.5f));
+      EXPECT_NEAR(p.z, 2.5f, 1e-4f);
+      worst = std::max({worst, std::abs(p.u - static_cast<float>(u)), std::abs(p.v - static_cast<float>(v))});
+    }
+  EXPECT_LT(worst, 0.01f);
+}
+
+TEST(PixelRays, TheGateIsTheStage) {
+  const CloudSettings settings{.stage_x = 0.3f, .stage_z = -0.2f, .stage_radius = 1.5f, .stage_height = 2.0f};
+  const PixelRays rays(booth_cameras(1)[0], settings);
+  std::mt19937 random(5);
+  std::uniform_int_distribution<std::size_t> pixel(0, rays.x.size() - 1);
+  std::uniform_int_distribution<int> count(300, 8000);
+  int inside_count = 0;
+  for (int k = 0; k < 200000; ++k) {
+    const std::size_t i = pixel(random);
+    const int c = count(random);
+    const Eigen::Vector3f p = rays.point(i, static_cast<float>(c) * 0.001f);
+    const float r = std::hypot(p.x() - 0.3f, p.z() + 0.2f);
+    if (std::abs(r - 1.5f) < 0.003f || std::abs(p.y() - 2.0f) < 0.003f || std::abs(p.y() + 0.1f) < 0.003f) continue;  // on the edge
+    const bool inside = r < 1.5f && p.y() < 2.0f && p.y() > -0.1f;
+    ASSERT_EQ(c >= rays.near[i] && c <= rays.far[i], inside) << p.transpose();
+    inside_count += inside;
+  }
+  EXPECT_GT(inside_count, 1000);
+}
+
+TEST(PixelRays, RefusesImpossibleCameras) {
+  const Camera good = booth_cameras(1)[0];
+  const auto refuse = [&](auto change) {
+    Camera bad = good;
+    change(bad);
+    EXPECT_THROW(CloudBuilder({}, {good, bad}), std::invalid_argument);
+  };
+  refuse([](Camera& c) { c.width = 0; });
+  refuse([](Camera& c) { c.height = 100000; });
+  refuse([](Camera& c) { c.fx = std::nanf(""); });
+  refuse([](Camera& c) { c.cy = INFINITY; });
+  refuse([](Camera& c) { c.depth_scale = 0; });
+  refuse([](Camera& c) { c.distortion[1] = std::nanf(""); });
+  refuse([](Camera& c) { c.rotation(0, 0) += 0.1f; });
+  refuse([](Camera& c) { c.rotation.row(2) *= -1; });
+  refuse([](Camera& c) { c.translation.y() = std::nanf(""); });
+  EXPECT_THROW(CloudBuilder({}, {}), std::invalid_argument);
+  EXPECT_THROW(CloudBuilder({.stage_radius = -1}, {good}), std::invalid_argument);
+  EXPECT_THROW(CloudBuilder({.voxel = 0}, {good}), std::invalid_argument);
+}
+
+TEST(CloudBuilder, FindsThePersonAndNothingElse) {
+  for (const float noise : {0.0f, 0.003f}) {
+    Scene scene;
+    scene.add_person(0.1f, -0.2f);
+    scene.noise = noise;
+    const auto rig = booth_cameras();
+    const BoothFrame frame(scene, rig);
+    CloudBuilder builder({}, rig);
+    const Built built(builder, frame.inputs);
+    ASSERT_TRUE(built.person) << describe(built.report.outcome);
+    expect_balanced(built.report);
+    EXPECT_EQ(built.report.frames, 4);
+    EXPECT_EQ(built.report.persons, 1);
+    EXPECT_EQ(built.report.other_components, 0);
+    EXPECT_FALSE(built.report.touches_border);
+    EXPECT_EQ(built.report.points, built.observation.cloud.size);
+    EXPECT_GT(built.report.points, 20000);
+    EXPECT_GT(labelled(built, frame, 1, PixelLabel::person), 0.93);
+    EXPECT_LT(labelled(built, frame, 0, PixelLabel::person), 0.001);
+    EXPECT_LT(labelled(built, frame, -1, PixelLabel::person), 0.001);
+    EXPECT_GT(labelled(built, frame, 0, PixelLabel::background), 0.99);
+    EXPECT_GT(labelled(built, frame, -1, PixelLabel::background), 0.97);
+    EXPECT_TRUE(built.observation.floor_known);
+    EXPECT_TRUE(built.report.floor_measured);
+    EXPECT_NEAR(built.observation.floor_height, 0, 0.002f);
+    for (std::size_t c = 0; c < 4; ++c) {
+      EXPECT_TRUE(built.observation.views[c].valid);
+      EXPECT_FLOAT_EQ(built.observation.views[c].time_offset, 0.001f * static_cast<float>(c));
+    }
+    // Every point lies on the figure's surface, as far as noise and millimetre counts allow.
+    double worst = 0, sum = 0;
+    for (int i = 0; i < built.observation.cloud.size; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      const Cloud& cloud = built.observation.cloud;
+      const Eigen::Vector3f p(cloud.x[k], cloud.y[k], cloud.z[k]);
+      float nearest = 10;
+      for (const auto& part : scene.capsules) {
+        const float t = std::clamp((p - part.a).dot(part.b - part.a) / (part.b - part.a).squaredNorm(), 0.0f, 1.0f);
+        nearest = std::min(nearest, std::abs((p - part.a - t * (part.b - part.a)).norm() - part.radius));
+      }
+      sum += nearest;
+      worst = std::max<double>(worst, nearest);
+    }
+    EXPECT_LT(sum / built.observation.cloud.size, 0.001 + noise);
+    EXPECT_LT(worst, 0.004 + 6 * noise);
+  }
+}
+
+TEST(CloudBuilder, NormalsPointOutOfTheSurfaceTowardsTheCamera) {
+  for (const float noise : {0.0f, 0.003f}) {
+    Scene scene;
+    scene.add_person(0, 0);
+    scene.noise = noise;
+    const auto rig = booth_cameras();
+    const BoothFrame frame(scene, rig);
+    CloudBuilder builder({}, rig);
+    const Built built(builder, frame.inputs);
+    const Cloud& cloud = built.observation.cloud;
+    double within20 = 0, known = 0;
+    for (int i = 0; i < cloud.size; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      const Eigen::Vector3f p(cloud.x[k], cloud.y[k], cloud.z[k]), n(cloud.nx[k], cloud.ny[k], cloud.nz[k]);
+      if (n.isZero()) continue;
+      ++known;
+      ASSERT_NEAR(n.norm(), 1, 1e-4f);
+      const Camera& camera = rig[cloud.camera[k]];
+      ASSERT_GT(n.dot(camera.centre() - p), 0);
+      const Pixel pixel = project(camera, p);
+      const auto at = static_cast<std::size_t>(std::lround(pixel.v) * camera.width + std::lround(pixel.u));
+      within20 += n.dot(frame.images[cloud.camera[k]].normal[at]) > std::cos(20 * std::numbers::pi / 180);
+    }
+    EXPECT_GT(known / cloud.size, 0.95);
+    EXPECT_GT(within20 / known, noise > 0 ? 0.85 : 0.93);
+  }
+}
+
+TEST(CloudBuilder, EmptyRoom) {
+  Scene scene;
+  scene.noise = 0.003f;
+  const Built built = build(scene);
+  EXPECT_FALSE(built.person);
+  EXPECT_EQ(built.report.outcome, CloudOutcome::empty_stage);
+  EXPECT_STREQ(describe(built.report.outcome), "the stage is empty");
+  EXPECT_EQ(built.observation.cloud.size, 0);
+  EXPECT_EQ(built.report.persons, 0);
+  EXPECT_GT(built.report.floor, 10000);
+  expect_balanced(built.report);
+  for (const auto& view : built.observation.views)
+    for (const std::int16_t d : view.nearest_dx) ASSERT_EQ(d, kSilhouetteFar);
+}
+
+TEST(CloudBuilder, AllPixelsInvalid) {
+  const auto rig = booth_cameras();
+  const std::vector<std::uint16_t> zero(512 * 424, 0), broken(512 * 424, 65535);
+  CloudBuilder builder({}, rig);
+  for (const auto* image : {&zero, &broken}) {
+    std::vector<DepthInput> inputs;
+    for (int c = 0; c < 4; ++c) inputs.push_back({c, image->data(), 0});
+    const Built built(builder, inputs);
+    EXPECT_FALSE(built.person);
+    EXPECT_EQ(built.report.outcome, CloudOutcome::no_measurement);
+    EXPECT_EQ(built.report.raw, 0);
+    for (const PixelLabel l : built.observation.views[0].label) ASSERT_EQ(l, PixelLabel::unknown);
+  }
+}
+
+TEST(CloudBuilder, RandomPixelsAreRubbleAndNotAPerson) {
+  const auto rig = booth_cameras();
+  std::mt19937 random(1);
+  std::vector<std::uint16_t> image(512 * 424);
+  for (auto& d : image) d = static_cast<std::uint16_t>(random());
+  CloudBuilder builder({}, rig);
+  std::vector<DepthInput> inputs;
+  for (int c = 0; c < 4; ++c) inputs.push_back({c, image.data(), 0});
+  const Built built(builder, inputs);
+  EXPECT_FALSE(built.person);
+  expect_balanced(built.report);
+}
+
+TEST(CloudBuilder, NoFrameAndWrongInputs) {
+  const auto rig = booth_cameras();
+  CloudBuilder builder({}, rig);
+  const std::vector<std::uint16_t> image(512 * 424, 0);
+  EXPECT_EQ(Built(builder, {}).report.outcome, CloudOutcome::no_frame);
+  const std::vector<DepthInput> wrong{{-1, image.data(), 0}, {4, image.data(), 0}, {1, nullptr, 0}};
+  EXPECT_EQ(Built(builder, wrong).report.outcome, CloudOutcome::no_frame);
+  Observation strange(100);
+  CloudReport report;
+  EXPECT_FALSE(builder.build({}, strange, report));
+  EXPECT_EQ(report.outcome, CloudOutcome::unprepared);
+  strange.views.resize(4);
+  EXPECT_FALSE(builder.build({}, strange, report));
+  EXPECT_EQ(report.outcome, CloudOutcome::unprepared);
+}
+
+TEST(CloudBuilder, OneCameraOfFour) {
+  Scene scene;
+  scene.add_person(0, 0);
+  scene.noise = 0.003f;
+  const auto rig = booth_cameras();
+  const BoothFrame frame(scene, rig);
+  CloudBuilder builder({}, rig);
+  Observation out = builder.make_observation(120000);
+  CloudReport report;
+  ASSERT_TRUE(builder.build(frame.inputs, out, report));  // so that there is something of an earlier frame to be forgotten
+  for (int camera = 0; camera < 4; ++camera) {
+    const DepthInput one[] = {frame.inputs[static_cast<std::size_t>(camera)]};
+    ASSERT_TRUE(builder.build(one, out, report)) << describe(report.outcome);
+    expect_balanced(report);
+    EXPECT_EQ(report.frames, 1);
+    EXPECT_GT(report.points, 5000);
+    for (int i = 0; i < out.cloud.size; ++i) ASSERT_EQ(out.cloud.camera[static_cast<std::size_t>(i)], camera);
+    for (int c = 0; c < 4; ++c) {
+      const View& view = out.views[static_cast<std::size_t>(c)];
+      EXPECT_EQ(view.valid, c == camera);
+      if (c != camera) {
+        for (std::size_t i = 0; i < view.label.size(); ++i) ASSERT_TRUE(view.label[i] == PixelLabel::unknown && view.depth[i] == 0);
+        for (const std::int16_t d : view.nearest_dx) ASSERT_EQ(d, kSilhouetteFar);
+      }
+    }
+  }
+}
+
+TEST(CloudBuilder, PersonHalfOutOfTheCylinder) {
+  Scene scene;
+  scene.add_person(0, 1.95f);
+  scene.wall = 4;
+  const Built built = build(scene);
+  ASSERT_TRUE(built.person) << "half a person is still of a person's size";
+  EXPECT_TRUE(built.report.touches_border);
+  const Cloud& cloud = built.observation.cloud;
+  for (int i = 0; i < cloud.size; ++i) ASSERT_LT(std::hypot(cloud.x[static_cast<std::size_t>(i)], cloud.z[static_cast<std::size_t>(i)]), 2.003f);
+
+  Scene gone;
+  gone.add_person(0, 2.5f);
+  gone.wall = 4;
+  EXPECT_EQ(build(gone).report.outcome, CloudOutcome::empty_stage);
+}
+
+TEST(CloudBuilder, OfTwoPeopleTheOneNearestTheCentre) {
+  for (const bool swapped : {false, true}) {
+    Scene scene;
+    scene.add_person(swapped ? 0.95f : -0.3f, 0, 1);
+    scene.add_person(swapped ? -0.3f : 0.95f, 0, 2);
+    scene.noise = 0.003f;
+    const auto rig = booth_cameras();
+    const BoothFrame frame(scene, rig);
+    CloudBuilder builder({}, rig);
+    const Built built(builder, frame.inputs);
+    ASSERT_TRUE(built.person);
+    EXPECT_EQ(built.report.persons, 2);
+    EXPECT_EQ(built.report.other_components, 1);
+    const int tracked = swapped ? 2 : 1;
+    EXPECT_GT(labelled(built, frame, tracked, PixelLabel::person), 0.9);
+    EXPECT_EQ(labelled(built, frame, 3 - tracked, PixelLabel::person), 0);
+    EXPECT_GT(labelled(built, frame, 3 - tracked, PixelLabel::background), 0.9);
+    EXPECT_GT(built.report.other, 10000);
+  }
+}
+
+TEST(CloudBuilder, AChairIsNobodyAndASquattingPersonSomebody) {
+  Scene chair;
+  chair.add_chair(0, 0);
+  chair.noise = 0.003f;
+  for (const int cameras : {1, 2, 4}) {
+    const Built alone = build(chair, {}, cameras);
+    EXPECT_FALSE(alone.person) << cameras;
+    EXPECT_EQ(alone.report.outcome, CloudOutcome::nobody);
+    EXPECT_EQ(alone.report.other_components, 1);
+    expect_balanced(alone.report);
+  }
+  Scene squat;
+  squat.add_squatting_person(0, 0);
+  squat.noise = 0.003f;
+  for (const int cameras : {1, 2, 4}) EXPECT_TRUE(build(squat, {}, cameras).person) << cameras;
+
+  // The chair is nearer the centre, and the person is tracked all the same.
+  Scene both = chair;
+  both.add_person(0.8f, 0.3f);
+  const auto rig = booth_cameras();
+  const BoothFrame frame(both, rig);
+  CloudBuilder builder({}, rig);
+  const Built built(builder, frame.inputs);
+  ASSERT_TRUE(built.person);
+  EXPECT_EQ(built.report.persons, 1);
+  EXPECT_EQ(labelled(built, frame, 9, PixelLabel::person), 0);
+  EXPECT_GT(labelled(built, frame, 1, PixelLabel::person), 0.9);
+}
+
+TEST(CloudBuilder, ABackgroundImageTakesTheFurnitureAway) {
+  Scene room;
+  room.boxes.push_back({{-1.2f, 0, -0.4f}, {-0.7f, 1.5f, 0.4f}, 9});  // a cupboard of a person's size
+  Scene used = room;
+  used.add_person(0.5f, 0);
+  const auto rig = booth_cameras();
+  const BoothFrame before(room, rig), frame(used, rig);
+  CloudBuilder builder({}, rig);
+  EXPECT_EQ(Built(builder, frame.inputs).report.persons, 2) << "without the image it cannot be told from a person";
+  for (int c = 0; c < 4; ++c) builder.set_background(c, before.images[static_cast<std::size_t>(c)].depth);
+  {
+    const Built built(builder, frame.inputs);
+    ASSERT_TRUE(built.person);
+    EXPECT_EQ(built.report.persons, 1);
+    EXPECT_EQ(labelled(built, frame, 9, PixelLabel::person), 0);
+    EXPECT_GT(labelled(built, frame, 1, PixelLabel::person), 0.9);
+    EXPECT_TRUE(built.report.floor_measured) << "the floor is background too, and still measured";
+  }
+  EXPECT_EQ(Built(builder, before.inputs).report.outcome, CloudOutcome::empty_stage);
+  for (int c = 0; c < 4; ++c) builder.set_background(c, {});
+  EXPECT_EQ(Built(builder, frame.inputs).report.persons, 2);
+  EXPECT_THROW(builder.set_background(4, {}), std::invalid_argument);
+  EXPECT_THROW(builder.set_background(0, std::vector<std::uint16_t>(3)), std::invalid_argument);
+}
+
+TEST(CloudBuilder, FloorGoesAndShinsStay) {
+  for (const float height : {0.0f, 0.03f, -0.04f})
+    for (const float slope : {0.0f, 0.012f}) {
+      Scene scene;
+      scene.floor_height = height, scene.floor_slope_x = slope;
+      scene.noise = 0.003f;
+      scene.add_person(0, 0);
+      for (auto& part : scene.capsules) part.a.y() += height, part.b.y() += height;
+      const auto rig = booth_cameras();
+      const BoothFrame frame(scene, rig);
+      CloudBuilder builder({}, rig);
+      const Built built(builder, frame.inputs);
+      ASSERT_TRUE(built.person);
+      EXPECT_NEAR(built.report.floor_height, height, 0.003f);
+      EXPECT_NEAR(built.report.floor_tilt_x, slope, 0.003f);
+      EXPECT_NEAR(built.observation.floor_height, height, 0.003f);
+      EXPECT_LT(labelled(built, frame, -1, PixelLabel::person), 0.003);
+      // Of the pixels on the legs from 4 cm above the floor to the knee nearly all are the person's.
+      int shin = 0, kept = 0;
+      for (std::size_t c = 0; c < 4; ++c) {
+        const PixelRays rays(rig[c], {});
+        for (std::size_t i = 0; i < frame.images[c].depth.size(); ++i) {
+          if (frame.images[c].owner[i] != 1) continue;
+          const float y = rays.point(i, static_cast<float>(frame.images[c].depth[i]) * 0.001f).y() - height;
+          if (y > 0.04f && y < 0.5f) ++shin, kept += built.observation.views[c].label[i] == PixelLabel::person;
+        }
+      }
+      EXPECT_GT(shin, 3000);
+      EXPECT_GT(kept, 0.93 * shin) << height << " " << slope;
+    }
+}
+
+TEST(CloudBuilder, FlyingPixelsAtEdgesAreDropped) {
+  Scene scene;
+  scene.add_person(0, 0);
+  const auto rig = booth_cameras(1);
+  BoothFrame frame(scene, rig);
+  auto& image = frame.images[0];
+  // What a time-of-flight camera sees at an edge: a mixture of both surfaces.
+  int mixed = 0;
+  std::vector<std::size_t> invented;
+  const auto clean = image.depth;
+  for (std::size_t i = 1; i + 1 < clean.size(); ++i)
+    if (image.owner[i] == 1 && image.owner[i + 1] == 0 && clean[i + 1] > clean[i] + 400) {
+      image.depth[i + 1] = static_cast<std::uint16_t>(clean[i] + (clean[i + 1] - clean[i]) / 4 + static_cast<int>(i % 7) * 20);
+      invented.push_back(i + 1);
+      ++mixed;
+    }
+  ASSERT_GT(mixed, 100);
+  CloudBuilder builder({}, rig);
+  const Built built(builder, frame.inputs);
+  ASSERT_TRUE(built.person);
+  int taken = 0;
+  for (const std::size_t i : invented) taken += built.observation.views[0].label[i] == PixelLabel::person;
+  EXPECT_LT(taken, mixed / 20);
+  EXPECT_GT(built.report.flying + built.report.isolated, mixed / 2);
+}
+
+TEST(CloudBuilder, AForearmThatCameOffIsTakenBack) {
+  Scene scene;
+  scene.add_person(0, 0);
+  for (auto& part : scene.capsules)  // the forearms are 18.5 cm further out: a gap of 10.5 cm
+    if (part.radius == 0.035f) {
+      const Eigen::Vector3f shift(part.a.x() > 0 ? 0.185f : -0.185f, 0, 0);
+      part.a += shift, part.b += shift;
+      part.owner = 5;
+    }
+  const auto rig = booth_cameras();
+  const BoothFrame frame(scene, rig);
+  CloudBuilder whole({}, rig), strict({.rejoin_gap = 0}, rig);
+  const Built with(whole, frame.inputs), without(strict, frame.inputs);
+  EXPECT_GT(labelled(with, frame, 5, PixelLabel::person), 0.9);
+  EXPECT_EQ(with.report.other_components, 0);
+  EXPECT_LT(labelled(without, frame, 5, PixelLabel::person), 0.1) << "or the test proves nothing";
+}
+
+TEST(CloudBuilder, ThinsToTheCapacityEvenly) {
+  Scene scene;
+  scene.add_person(0, 0);
+  const auto rig = booth_cameras();
+  const BoothFrame frame(scene, rig);
+  CloudBuilder builder({}, rig);
+  const Built full(builder, frame.inputs), thin(builder, frame.inputs, 1000);
+  EXPECT_EQ(thin.report.points, 1000);
+  EXPECT_EQ(thin.observation.cloud.size, 1000);
+  EXPECT_EQ(thin.report.person, full.report.person);
+  std::array<int, 4> of_full{}, of_thin{};
+  for (int i = 0; i < full.observation.cloud.size; ++i) ++of_full[full.observation.cloud.camera[static_cast<std::size_t>(i)]];
+  for (int i = 0; i < 1000; ++i) ++of_thin[thin.observation.cloud.camera[static_cast<std::size_t>(i)]];
+  for (std::size_t c = 0; c < 4; ++c) EXPECT_NEAR(of_thin[c], of_full[c] * 1000.0 / full.observation.cloud.size, 1.01);
+}
+
+bool same(const Observation& a, const Observation& b) {
+  const auto equal = [](const auto& u, const auto& v, std::size_t n) { return std::memcmp(u.data(), v.data(), n * sizeof(u[0])) == 0; };
+  const auto n = static_cast<std::size_t>(a.cloud.size);
+  bool good = a.cloud.size == b.cloud.size && equal(a.cloud.x, b.cloud.x, n) && equal(a.cloud.y, b.cloud.y, n) && equal(a.cloud.z, b.cloud.z, n) &&
+              equal(a.cloud.nx, b.cloud.nx, n) && equal(a.cloud.ny, b.cloud.ny, n) && equal(a.cloud.nz, b.cloud.nz, n) && equal(a.cloud.camera, b.cloud.camera, n) &&
+              a.floor_height == b.floor_height;
+  for (std::size_t v = 0; v < a.views.size(); ++v)
+    good = good && equal(a.views[v].depth, b.views[v].depth, a.views[v].depth.size()) && equal(a.views[v].label, b.views[v].label, a.views[v].label.size()) &&
+           a.views[v].nearest_dx == b.views[v].nearest_dx && a.views[v].nearest_dy == b.views[v].nearest_dy;
+  return good;
+}
+
+TEST(CloudBuilder, TheSameBitsForAnyNumberOfThreadsAndAfterAnyHistory) {
+  Scene scene, other;
+  scene.add_person(0.2f, 0.1f);
+  scene.add_chair(-0.9f, 0.2f);
+  scene.noise = 0.004f;
+  other.add_person(-0.4f, 0.3f);
+  const auto rig = booth_cameras();
+  const BoothFrame frame(scene, rig), earlier(other, rig);
+  CloudBuilder one({.threads = 1}, rig);
+  const Built reference(one, frame.inputs);
+  ASSERT_TRUE(reference.person);
+  for (const int threads : {1, 2, 4}) {
+    CloudBuilder builder({.threads = threads}, rig);
+    Observation out = builder.make_observation(120000);
+    CloudReport report;
+    for (int round = 0; round < 3; ++round) {
+      builder.build(earlier.inputs, out, report);
+      builder.build(std::span(earlier.inputs).first(2), out, report);
+      ASSERT_TRUE(builder.build(frame.inputs, out, report));
+      EXPECT_TRUE(same(out, reference.observation)) << threads << " threads, round " << round;
+    }
+  }
+}
+
+TEST(CloudBuilder, AllocatesNothingPerFrame) {
+  Scene scene;
+  scene.add_person(0, 0);
+  scene.add_chair(-0.9f, 0.2f);
+  scene.noise = 0.004f;
+  const auto rig = booth_cameras();
+  const BoothFrame frame(scene, rig);
+  CloudBuilder builder({}, rig);
+  Observation out = builder.make_observation(60000);
+  CloudReport report;
+  EXPECT_GT(builder.memory_bytes(), 1u << 20);
+  const tests::NoAllocation guard;
+  ASSERT_TRUE(builder.build(frame.inputs, out, report));  // the first frame too
+  builder.build(std::span(frame.inputs).first(1), out, report);
+  builder.build({}, out, report);
+  EXPECT_EQ(guard.count(), 0);
+}
+
+TEST(CloudBuilder, TheSilhouetteMapLeadsToThePerson) {
+  Scene scene;
+  scene.add_person(0, 0);
+  const Built built = build(scene);
+  for (const View& view : built.observation.views) {
+    std::vector<std::pair<int, int>> person;
+    for (int v = 0; v < view.camera.height; ++v)
+      for (int u = 0; u < view.camera.width; ++u)
+        if (view.label[static_cast<std::size_t>(v * view.camera.width + u)] == PixelLabel::person) person.emplace_back(u, v);
+    const int across = view.camera.width / kSilhouetteStep;
+    for (std::size_t node = 0; node < view.nearest_dx.size(); node += 37) {
+      const int u = static_cast<int>(node) % across * kSilhouetteStep, v = static_cast<int>(node) / across * kSilhouetteStep;
+      const int du = view.nearest_dx[node], dv = view.nearest_dy[node];
+      ASSERT_EQ(view.label[static_cast<std::size_t>((v + dv) * view.camera.width + u + du)], PixelLabel::person) << "the way must end on the person";
+      double exact = 1e9;
+      for (const auto& [pu, pv] : person) exact = std::min(exact, std::hypot(pu - u, pv - v));
+      EXPECT_LE(std::hypot(du, dv), exact + 3.0);
+      const bool inside = view.label[static_cast<std::size_t>(v * view.camera.width + u)] == PixelLabel::person;
+      EXPECT_EQ(inside, du == 0 && dv == 0);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace booth::fit
