@@ -41,7 +41,7 @@ float robust_extent(const Eigen::Matrix3Xf& points) {
   for (int axis = 0; axis < 3; ++axis) {
     for (Eigen::Index i = 0; i < points.cols(); ++i) values[static_cast<std::size_t>(i)] = points(axis, i);
     const auto at = [&](double fraction) {
-      const auto it = values.begin() + static_cast<std::ptrdiff_t>(fraction * static_cast<double>(values.size() - 1));
+      const auto it = values.begin() + static_cast<std::ptrdiff_t>(std::lround(fraction * static_cast<double>(values.size() - 1)));
       std::nth_element(values.begin(), it, values.end());
       return *it;
     };
