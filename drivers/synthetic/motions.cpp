@@ -137,13 +137,13 @@ State roll_hands(double t) {
 }
 
 State jump(double t) {
-  constexpr double kTakeOff = 1.0, kGravity = 9.81, kSpeed = 1.6, kFlight = 2 * kSpeed / kGravity;
+  constexpr double kTakeOff = 1.1, kGravity = 9.81, kSpeed = 1.6, kFlight = 2 * kSpeed / kGravity;
   constexpr double kLanding = kTakeOff + kFlight;
   const PoseVector low = with(with_arms(crouched(stand(), 25, 75, 80), kBehind), {{"upperback_rx", 15}, {"neck_rx", -10}});
-  const PoseVector push = with(with_arms(stand(), mix(kHanging, kUpAndForward, 0.75)), {{"lfoot_rx", 25}, {"rfoot_rx", 25}, {"ltibia_rx", 12}, {"rtibia_rx", 12}});
-  const PoseVector land = with(with_arms(stand(), mix(kHanging, kUpAndForward, 0.4)), {{"lfoot_rx", 12}, {"rfoot_rx", 12}, {"lfemur_rx", -14}, {"rfemur_rx", -14}, {"ltibia_rx", 20}, {"rtibia_rx", 20}});
+  const PoseVector push = with(with_arms(stand(), mix(kHanging, kUpAndForward, 0.6)), {{"lfoot_rx", 25}, {"rfoot_rx", 25}, {"ltibia_rx", 12}, {"rtibia_rx", 12}});
+  const PoseVector land = with(with_arms(stand(), mix(kHanging, kUpAndForward, 0.45)), {{"lfoot_rx", 12}, {"rfoot_rx", 12}, {"lfemur_rx", -14}, {"rfemur_rx", -14}, {"ltibia_rx", 20}, {"rtibia_rx", 20}});
   const PoseVector soft = with(with_arms(crouched(stand(), 15, 50, 60), mix(kHanging, kForward, 0.4)), {{"upperback_rx", 8}});
-  State s{between({{0, stand()}, {0.6, low}, {kTakeOff, push, Ease::into}, {kLanding, land}, {kLanding + 0.35, soft, Ease::out}, {2.5, stand()}}, t)};
+  State s{between({{0, stand()}, {0.6, low}, {kTakeOff, push, Ease::into}, {kLanding, land}, {kLanding + 0.35, soft, Ease::out}, {2.6, stand()}}, t)};
   if (t > kTakeOff && t < kLanding) s.lift = (t - kTakeOff) * (kSpeed - 0.5 * kGravity * (t - kTakeOff));
   return s;
 }
@@ -212,7 +212,7 @@ constexpr std::array<Act, 9> kActs{{{"a-pose", 3.5, a_pose},
                                     {"kick", 2.2, kick},
                                     {"squat", 2.9, squat},
                                     {"roll-hands", 5.0, roll_hands},
-                                    {"jump", 2.5, jump},
+                                    {"jump", 2.6, jump},
                                     {"left-arm", 5.0, left_arm}}};
 constexpr std::array<std::string_view, 8> kShowcase{"a-pose", "wave", "walk", "kick", "squat", "turn", "roll-hands", "jump"};
 

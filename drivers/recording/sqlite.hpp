@@ -1,0 +1,44 @@
+// Ownership of SQLite handles and errors that name the file.
+#pragma once
+
+#include <sqlite3.h>
+
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <stdexcept>
+#include <string>
+
+namespace booth::drivers {
+
+struct CloseDatabase {
+  void operator()(sqlite3* db) const { sqlite3_close_v2(db); }
+};
+struct FinaliseStatement {
+  void operator()(sqlite3_stmt* s) const { sqlite3_finalize(s); }
+};
+using Database = std::unique_ptr<sqlite3, CloseDatabase>;
+using Statement = std::unique_ptr<sqlite3_stmt, FinaliseStatement>;
+
+inline Database open_database(const std::filesystem::path& path, int flags) {
+  sqlite3* raw = nullptr;
+  const int rc = sqlite3_open_v2(path.c_str(), &raw, flags, nullptr);
+  Database db(raw);
+  if (rc != SQLITE_OK) throw std::runtime_error(path.string() + ": " + (db ? sqlite3_errmsg(db.get()) : "SQLite has no memory"));
+  return db;
+}
+
+inline Statement prepare(const Database& db, const std::filesystem::path& path, const char* sql) {
+  sqlite3_stmt* raw = nullptr;
+  if (sqlite3_prepare_v2(db.get(), sql, -1, &raw, nullptr) != SQLITE_OK) throw std::runtime_error(path.string() + ": " + sqlite3_errmsg(db.get()));
+  return Statement(raw);
+}
+
+inline std::span<const std::byte> blob(sqlite3_stmt* s, int column) {
+  // The pointer first: asking for the size may convert the value.
+  const void* data = sqlite3_column_blob(s, column);
+  return {static_cast<const std::byte*>(data), data == nullptr ? 0 : static_cast<std::size_t>(sqlite3_column_bytes(s, column))};
+}
+
+}  // namespace booth::drivers
