@@ -1,0 +1,206 @@
+// The daemon's main thread: puts the rooms together, waits for signals, feeds the watchdog, takes everything down in order.
+#include <fmt/format.h>
+#include <signal.h>
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+#include <memory>
+
+#include "daemon/config/load.hpp"
+#include "daemon/ctl/control_protocol.hpp"
+#include "daemon/ctl/control_server.hpp"
+#include "daemon/dds/dds_link.hpp"
+#include "daemon/drivers_factory.hpp"
+#include "daemon/health/log.hpp"
+#include "daemon/health/notify.hpp"
+#include "daemon/health/progress_watch.hpp"
+#include "daemon/pipeline/fit_setup.hpp"
+#include "daemon/pipeline/pipeline.hpp"
+#include "daemon/session/controller.hpp"
+
+namespace booth::daemon {
+namespace {
+
+enum ExitStatus { kStopped = 0, kUsage = 64, kUnavailable = 69, kInternal = 70, kConfiguration = 78 };
+
+constexpr auto kWatchPatience = std::chrono::seconds(10);  ///< a thread that has not moved for so long hangs
+
+/// An error that knows its exit status.
+struct StartFailure : std::runtime_error {
+  StartFailure(ExitStatus s, const std::string& what) : std::runtime_error(what), status(s) {}
+  ExitStatus status;
+};
+
+template <class F>
+auto stage(ExitStatus status, F make) {
+  try {
+    return make();
+  } catch (const std::exception& e) {
+    throw StartFailure(status, e.what());
+  }
+}
+
+ControllerSettings controller_settings(const Config& config, const DepthSource& source, const FitSetup& fit) {
+  ControllerSettings out;
+  out.session_directory = config.session.directory;
+  out.quota_bytes = config.session.quota_bytes;
+  out.max_age_days = config.session.max_age_days;
+  out.limits.lost = hal::from_seconds(config.session.lost_seconds);
+  out.limits.search = hal::from_seconds(config.session.search_seconds);
+  out.limits.session = hal::from_seconds(config.session.max_seconds);
+  out.minimum_cameras = static_cast<int>(config.cameras.minimum);
+  out.models = fit.models;
+  out.truth = source.truth;
+  out.info.booth = config.booth.id;
+  out.info.software = "boothd " BOOTHD_VERSION;
+  out.info.source = source.name;
+  out.info.preset = config.fit.preset;
+  out.info.models = fit.versions;
+  out.info.seed = static_cast<std::uint64_t>(config.fit.seed);
+  out.info.threads = static_cast<int>(config.fit.threads);
+  for (const auto& camera : source.cameras) out.info.cameras.push_back(camera->description().name);
+  return out;
+}
+
+Pipeline::Settings pipeline_settings(const Config& config) {
+  Pipeline::Settings out;
+  out.minimum_cameras = static_cast<int>(config.cameras.minimum);
+  return out;
+}
+
+/// Waits for SIGTERM or SIGINT; meanwhile tells systemd that all threads move, or why not. Returns the exit status.
+ExitStatus watch(const sigset_t& signals, const Pipeline& pipeline, const Controller& controller, const hal::Clock& clock) {
+  ProgressWatch progress(kWatchPatience);
+  const auto interval = watchdog_interval();
+  hal::MonotonicTime next_ping{};
+  std::string said;
+  while (true) {
+    const timespec wait{0, 250'000'000};
+    const int signal = ::sigtimedwait(&signals, nullptr, &wait);
+    if (signal == SIGTERM || signal == SIGINT) {
+      log_line(LogLevel::info, fmt::format("{}: stopping", signal == SIGTERM ? "SIGTERM" : "SIGINT"));
+      return kStopped;
+    }
+    if (signal == SIGHUP) log_line(LogLevel::warning, "SIGHUP: the configuration is read at the start only; restart boothd to apply changes");
+
+    auto counters = pipeline.progress();
+    counters.push_back(controller.progress());
+    const hal::MonotonicTime now = clock.now();
+    if (progress.stalled(counters, now.time_since_epoch()) >= 0) {
+      // Saving is hopeless with a hung thread; the session is closed as interrupted at the next start.
+      log_line(LogLevel::error, "a thread of the pipeline does not move any more");
+      return kInternal;
+    }
+    if (interval.count() > 0 && now >= next_ping) {
+      notify_watchdog();
+      next_ping = now + interval;
+    }
+    std::string status(to_string(controller.state()));
+    status += fmt::format(", {} of {} cameras", pipeline.cameras_running(), pipeline.cameras().size());
+    if (status != said) notify_status(said = status);
+  }
+}
+
+void print_plan(const std::vector<MemoryItem>& plan) {
+  std::size_t total = 0;
+  std::cout << "\n# Memory taken before the first frame\n";
+  for (const auto& item : plan) {
+    std::cout << fmt::format("# {:<34}{:>10.1f} MiB\n", item.what, static_cast<double>(item.bytes) / 1048576.0);
+    total += item.bytes;
+  }
+  std::cout << fmt::format("# {:<34}{:>10.1f} MiB\n", "total", static_cast<double>(total) / 1048576.0);
+}
+
+ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only) {
+  set_log_level(log_level_by_name(config.log.level));
+  DepthSource source = stage(kUnavailable, [&] { return open_source(config); });
+  if (static_cast<int>(source.cameras.size()) > kMaxCameras)
+    throw StartFailure(kConfiguration, fmt::format("{} has {} cameras; boothd works with at most {}", source.name, source.cameras.size(), kMaxCameras));
+  if (static_cast<std::int64_t>(source.cameras.size()) < config.cameras.minimum)
+    throw StartFailure(kConfiguration, fmt::format("{} has {} cameras, fewer than cameras.minimum = {}", source.name, source.cameras.size(), config.cameras.minimum));
+  FitSetup fit = stage(kConfiguration, [&] { return make_fit_setup(config, source.cameras, source.background); });
+
+  Controller controller(controller_settings(config, source, fit), *source.clock);
+  if (check_only) {
+    Pipeline pipeline(pipeline_settings(config), source.cameras, *source.clock, *fit.fitter, controller);
+    auto plan = pipeline.memory_plan();
+    plan.push_back({"session log ring", SessionLog::memory_bytes()});
+    print_plan(plan);
+    return kStopped;
+  }
+  std::unique_ptr<DdsLink> dds;
+  if (config.dds.enabled) {
+    const DdsSettings settings{.booth = config.booth.id,
+                               .domain = static_cast<std::uint32_t>(config.dds.domain),
+                               .interface = config.dds.interface,
+                               .multicast = config.dds.multicast,
+                               .peers = config.dds.peers};
+    dds = stage(kUnavailable, [&] {
+      return std::make_unique<DdsLink>(settings, *source.clock, [&](DdsCommand command) {
+        const ControlAnswer answer = controller.request(command == DdsCommand::start ? SessionEvent::start : SessionEvent::stop, "dds");
+        return DdsAnswer{answer.accepted, static_cast<std::uint8_t>(answer.state), answer.text};
+      });
+    });
+  }
+  Pipeline pipeline(pipeline_settings(config), source.cameras, *source.clock, *fit.fitter, controller);
+  controller.run(pipeline, *fit.fitter, dds.get());
+  ExitStatus status;
+  {
+    auto server = stage(kUnavailable, [&] {
+      return std::make_unique<ControlServer>(config.control.socket, [&](const std::string& line) { return answer_request(line, controller); });
+    });
+    log_line(LogLevel::info, fmt::format("boothd {} is ready: {}; {} cameras; control socket {}", BOOTHD_VERSION, source.name, source.cameras.size(), config.control.socket));
+    notify_ready("idle");
+    status = watch(signals, pipeline, controller, *source.clock);
+    notify_stopping();
+    if (status == kInternal) std::_Exit(kInternal);  // joining a hung thread would hang, too
+  }
+  controller.shutdown("signal");
+  log_line(LogLevel::info, "stopped");
+  return status;
+}
+
+int run(int argc, char** argv) {
+  CLI::App app{"The daemon inside a capture booth: depth cameras in, a person's body and live skeleton out.", "boothd"};
+  ConfigSources sources;
+  std::string file;
+  bool check_only = false;
+  app.add_option("--config", file, "Configuration file; without it /etc/boothd/boothd.toml where it exists");
+  app.add_option("--set", sources.assignments, "key=value, over the file's; may be given several times")->expected(1)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  app.add_flag("--check-config", check_only, "Print the resolved configuration, the memory plan and every error, and do nothing else");
+  app.set_version_flag("--version", "boothd " BOOTHD_VERSION);
+  app.footer("Exit status: 0 stopped as asked, 64 usage, 69 something needed at the start is missing, 70 internal fault, 78 configuration.");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? kStopped : kUsage;
+  }
+  sources.file = file;
+
+  // Before any thread is started, so that all inherit the mask and only the main thread hears.
+  sigset_t signals;
+  ::sigemptyset(&signals);
+  for (const int s : {SIGTERM, SIGINT, SIGHUP}) ::sigaddset(&signals, s);
+  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  ::signal(SIGPIPE, SIG_IGN);
+
+  try {
+    const Config config = load_config(sources);
+    if (check_only) print_config(config, std::cout);
+    return serve(config, signals, check_only);
+  } catch (const ConfigError& e) {
+    for (const auto& problem : e.problems()) log_line(LogLevel::error, problem);
+    return e.only_device_absent ? kUnavailable : kConfiguration;
+  } catch (const StartFailure& e) {
+    log_line(LogLevel::error, e.what());
+    return e.status;
+  } catch (const std::exception& e) {
+    log_line(LogLevel::error, e.what());
+    return kInternal;
+  }
+}
+
+}  // namespace
+}  // namespace booth::daemon
+
+int main(int argc, char** argv) { return booth::daemon::run(argc, argv); }

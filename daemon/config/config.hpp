@@ -1,0 +1,65 @@
+// Everything about a booth that its owner may decide, as plain values with their defaults.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace booth::daemon {
+
+/// Defaults are what an installed booth starts with. Ranges and meanings: keys.cpp, from which docs/reference/configuration.md is generated.
+struct Config {
+  struct {
+    std::string id = "booth";
+  } booth;
+  struct {
+    std::string socket = "/run/boothd/control.sock";
+  } control;
+  struct {
+    std::string driver = "synthetic";
+    std::int64_t minimum = 2;
+    struct {
+      std::string path;
+      std::string pace = "own";
+    } recording;
+    struct {
+      std::string body = "test:1";
+      std::string motion = "showcase";
+      std::string noise = "kinect2";
+      std::int64_t count = 4;
+      std::int64_t seed = 1;
+      double seconds = 24;
+    } synthetic;
+  } cameras;
+  struct {
+    std::string directory;
+  } models;
+  struct {
+    double radius = 2.0, height = 2.5, centre_x = 0.0, centre_y = 0.0;  // metres, booth frame
+  } stage;
+  struct {
+    std::string preset = "booth", backend = "cpu", sex = "auto";
+    std::int64_t threads = 2;
+    std::int64_t seed = 1;
+  } fit;
+  struct {
+    std::string directory = "/var/lib/boothd/sessions";
+    std::int64_t quota_bytes = 10'000'000'000;
+    std::int64_t max_age_days = 30;
+    double max_seconds = 1800, search_seconds = 60, lost_seconds = 0.5;
+  } session;
+  struct {
+    bool enabled = true;
+    std::int64_t domain = 0;
+    std::string interface;
+    bool multicast = true;
+    std::vector<std::string> peers;
+    std::string security = "off";
+    bool ros2 = false;
+  } dds;
+  struct {
+    std::string level = "info";
+  } log;
+};
+
+}  // namespace booth::daemon

@@ -1,0 +1,246 @@
+// The table of configuration keys, and the sentences that are made from it.
+#include "daemon/config/keys.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace booth::daemon {
+namespace {
+
+template <class... F>
+struct Overload : F... {
+  using F::operator()...;
+};
+template <class... F>
+Overload(F...) -> Overload<F...>;
+
+std::string check_id(std::string_view v) {
+  const auto good = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_'; };
+  return !v.empty() && v.size() <= 32 && std::all_of(v.begin(), v.end(), good) ? "" : "must be 1 to 32 letters, digits, '-' or '_' (it names the DDS partition)";
+}
+
+std::string check_socket(std::string_view v) {
+  // sockaddr_un holds 108 bytes, the closing zero included.
+  return !v.empty() && v.size() < 108 ? "" : "must be a path of 1 to 107 bytes (the kernel's limit for a Unix socket)";
+}
+
+std::string check_path(std::string_view v) { return v.empty() ? "must not be empty" : ""; }
+
+bool is_number(std::string_view v) { return !v.empty() && v.size() < 6 && std::all_of(v.begin(), v.end(), [](char c) { return c >= '0' && c <= '9'; }); }
+
+std::string check_body(std::string_view v) {
+  return v == "men" || v == "women" || (v.starts_with("test:") && is_number(v.substr(5))) ? "" : "must be \"men\", \"women\" or \"test:N\"";
+}
+
+std::string check_noise(std::string_view v) {
+  if (v == "none" || v == "kinect2") return "";
+  if (v.starts_with("gaussian:")) {
+    try {
+      std::size_t used = 0;
+      const std::string number(v.substr(9));
+      const double sigma = std::stod(number, &used);
+      if (used == number.size() && sigma >= 0 && sigma <= 1) return "";
+    } catch (const std::exception&) {
+    }
+  }
+  return "must be \"none\", \"kinect2\" or \"gaussian:SIGMA\" with SIGMA from 0 to 1 (metres)";
+}
+
+// XML goes to the DDS library with this text inside: names of interfaces and hosts need no other characters.
+std::string check_host(std::string_view v) {
+  const auto good = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_' || c == '.' || c == ':' || c == '%';
+  };
+  return v.size() <= 255 && std::all_of(v.begin(), v.end(), good) ? "" : "must consist of letters, digits and '-', '_', '.', ':', '%'";
+}
+
+#define BOOTH_SLOT(member) [](Config& c) -> ConfigSlot { return &c.member; }
+
+const std::vector<ConfigKey>& table() {
+  static const std::vector<ConfigKey> keys{
+      {.name = "booth.id", .slot = BOOTH_SLOT(booth.id), .doc = "Name of this booth: the DDS partition and the key of every sample.", .check = check_id},
+      {.name = "control.socket",
+       .slot = BOOTH_SLOT(control.socket),
+       .doc = "Unix socket on which boothctl talks to boothd; $RUNTIME_DIRECTORY/control.sock where systemd sets that variable.",
+       .check = check_socket},
+      {.name = "cameras.driver",
+       .slot = BOOTH_SLOT(cameras.driver),
+       .doc = "Where depth comes from: a simulated booth or a recording.",
+       .choices = {"synthetic", "recording"},
+       .absent = {"kinect2", "kinect2-emulated"}},
+      {.name = "cameras.minimum", .slot = BOOTH_SLOT(cameras.minimum), .doc = "With fewer cameras delivering, the fit pauses.", .minimum = 1, .maximum = 8},
+      {.name = "cameras.recording.path", .slot = BOOTH_SLOT(cameras.recording.path), .doc = "The recording that the driver `recording` plays."},
+      {.name = "cameras.recording.pace",
+       .slot = BOOTH_SLOT(cameras.recording.pace),
+       .doc = "Play at the recording's own pace, or as fast as it can be read.",
+       .choices = {"own", "fast"}},
+      {.name = "cameras.synthetic.body", .slot = BOOTH_SLOT(cameras.synthetic.body), .doc = "Who stands in the simulated booth.", .check = check_body},
+      {.name = "cameras.synthetic.motion",
+       .slot = BOOTH_SLOT(cameras.synthetic.motion),
+       .doc = "What the simulated person does: the name of a built-in motion (showcase, walk, wave, a-pose, ...) or a motion file.",
+       .check = check_path},
+      {.name = "cameras.synthetic.noise", .slot = BOOTH_SLOT(cameras.synthetic.noise), .doc = "Noise of the simulated depth.", .check = check_noise},
+      {.name = "cameras.synthetic.count", .slot = BOOTH_SLOT(cameras.synthetic.count), .doc = "Number of simulated cameras.", .minimum = 1, .maximum = 8},
+      {.name = "cameras.synthetic.seed", .slot = BOOTH_SLOT(cameras.synthetic.seed), .doc = "Seed of the simulated noise.", .minimum = 0, .maximum = 9e15},
+      {.name = "cameras.synthetic.seconds",
+       .slot = BOOTH_SLOT(cameras.synthetic.seconds),
+       .doc = "Length of the built-in motion before it begins again, seconds.",
+       .minimum = 1,
+       .maximum = 3600},
+      {.name = "models.directory",
+       .slot = BOOTH_SLOT(models.directory),
+       .doc = "Folder with men.npz, women.npz and pose.npz; empty: $BOOTHD_MODELS, then the installed models, then those of the source tree."},
+      {.name = "stage.radius", .slot = BOOTH_SLOT(stage.radius), .doc = "Radius of the cylinder in which a person is looked for, metres.", .minimum = 0.5, .maximum = 5},
+      {.name = "stage.height", .slot = BOOTH_SLOT(stage.height), .doc = "Height of that cylinder above the floor, metres.", .minimum = 1, .maximum = 4},
+      {.name = "stage.centre_x", .slot = BOOTH_SLOT(stage.centre_x), .doc = "Centre of the cylinder, x forward, booth frame, metres.", .minimum = -10, .maximum = 10},
+      {.name = "stage.centre_y", .slot = BOOTH_SLOT(stage.centre_y), .doc = "Centre of the cylinder, y left, booth frame, metres.", .minimum = -10, .maximum = 10},
+      {.name = "fit.preset",
+       .slot = BOOTH_SLOT(fit.preset),
+       .doc = "`booth` is the daemon's own estimator, `paper` the published particle swarm.",
+       .choices = {"booth", "paper"}},
+      {.name = "fit.backend", .slot = BOOTH_SLOT(fit.backend), .doc = "What computes the fit.", .choices = {"cpu"}, .absent = {"cuda"}},
+      {.name = "fit.sex", .slot = BOOTH_SLOT(fit.sex), .doc = "Which body model to fit; `auto` fits both and keeps the better.", .choices = {"auto", "men", "women"}},
+      {.name = "fit.threads", .slot = BOOTH_SLOT(fit.threads), .doc = "Worker threads of the fit; the result does not depend on it.", .minimum = 1, .maximum = 64},
+      {.name = "fit.seed", .slot = BOOTH_SLOT(fit.seed), .doc = "Seed of the fit's random numbers.", .minimum = 0, .maximum = 9e15},
+      {.name = "session.directory",
+       .slot = BOOTH_SLOT(session.directory),
+       .doc = "Folder of the session folders; $STATE_DIRECTORY/sessions where systemd sets that variable.",
+       .check = check_path},
+      {.name = "session.quota_bytes",
+       .slot = BOOTH_SLOT(session.quota_bytes),
+       .doc = "Oldest sessions are deleted until all of them take at most this many bytes; 0: no limit.",
+       .minimum = 0,
+       .maximum = 9e15},
+      {.name = "session.max_age_days",
+       .slot = BOOTH_SLOT(session.max_age_days),
+       .doc = "Sessions older than this many days are deleted; 0: no limit.",
+       .minimum = 0,
+       .maximum = 36500},
+      {.name = "session.max_seconds", .slot = BOOTH_SLOT(session.max_seconds), .doc = "A session ends by itself after this many seconds.", .minimum = 1, .maximum = 86400},
+      {.name = "session.search_seconds",
+       .slot = BOOTH_SLOT(session.search_seconds),
+       .doc = "A session ends by itself when the person has been lost for this many seconds.",
+       .minimum = 1,
+       .maximum = 86400},
+      {.name = "session.lost_seconds",
+       .slot = BOOTH_SLOT(session.lost_seconds),
+       .doc = "The state changes to searching when no frame has shown the person for this many seconds.",
+       .minimum = 0.05,
+       .maximum = 60},
+      {.name = "dds.enabled", .slot = BOOTH_SLOT(dds.enabled), .doc = "Publish on DDS at all."},
+      {.name = "dds.domain", .slot = BOOTH_SLOT(dds.domain), .doc = "DDS domain.", .minimum = 0, .maximum = 232},
+      {.name = "dds.interface",
+       .slot = BOOTH_SLOT(dds.interface),
+       .doc = "Network interface (or its address) that DDS uses; empty: the library chooses.",
+       .check = check_host},
+      {.name = "dds.multicast",
+       .slot = BOOTH_SLOT(dds.multicast),
+       .doc = "Find others and send to them by multicast; without it dds.peers names the machines, this one always among them."},
+      {.name = "dds.peers", .slot = BOOTH_SLOT(dds.peers), .doc = "Machines with which to talk when they cannot be found by multicast.", .check = check_host},
+      {.name = "dds.security", .slot = BOOTH_SLOT(dds.security), .doc = "DDS Security.", .choices = {"off"}, .absent = {"on"}},
+      {.name = "dds.ros2", .slot = BOOTH_SLOT(dds.ros2), .doc = "Mirror the skeleton as ROS 2 topics.", .absent = {"true"}},
+      {.name = "log.level",
+       .slot = BOOTH_SLOT(log.level),
+       .doc = "The least important messages that are logged.",
+       .choices = {"error", "warning", "info", "debug"}},
+  };
+  return keys;
+}
+#undef BOOTH_SLOT
+
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i + 1;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t above = row[j + 1];
+      row[j + 1] = std::min({above + 1, row[j] + 1, diagonal + (a[i] == b[j] ? 0u : 1u)});
+      diagonal = above;
+    }
+  }
+  return row.back();
+}
+
+std::string quoted(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    if (static_cast<unsigned char>(c) < 0x20) {
+      out += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
+    } else {
+      out += c;
+    }
+  }
+  return out + "\"";
+}
+
+std::string join_quoted(const auto& list, std::string_view separator) {
+  std::string out;
+  for (const auto& item : list) out += (out.empty() ? "" : std::string(separator)) + quoted(item);
+  return out;
+}
+
+std::string number(double v) { return std::abs(v) < 9.1e15 && v == std::floor(v) ? fmt::format("{}", static_cast<std::int64_t>(v)) : fmt::format("{}", v); }
+
+}  // namespace
+
+std::span<const ConfigKey> config_keys() { return table(); }
+
+const ConfigKey* find_config_key(std::string_view name) {
+  const auto keys = config_keys();
+  const auto it = std::find_if(keys.begin(), keys.end(), [&](const ConfigKey& k) { return k.name == name; });
+  return it == keys.end() ? nullptr : &*it;
+}
+
+std::string_view nearest_config_key(std::string_view name) {
+  std::string_view best;
+  std::size_t best_distance = std::max<std::size_t>(2, name.size() / 3) + 1;
+  for (const ConfigKey& key : config_keys()) {
+    std::size_t d = edit_distance(name, key.name);
+    // The right key in the wrong table is as near as a spelling mistake.
+    const auto last = [](std::string_view n) { return n.substr(n.rfind('.') == std::string_view::npos ? 0 : n.rfind('.') + 1); };
+    if (last(name) == last(key.name)) d = std::min<std::size_t>(d, 2);
+    if (d < best_distance) {
+      best_distance = d;
+      best = key.name;
+    }
+  }
+  return best;
+}
+
+std::string allowed_values(const ConfigKey& key) {
+  Config scratch;
+  const auto range = [&](std::string_view what) {
+    return std::isfinite(key.minimum) ? fmt::format("{} from {} to {}", what, number(key.minimum), number(key.maximum)) : std::string(what);
+  };
+  return std::visit(Overload{
+                        [&](bool*) { return std::string(key.absent.empty() ? "true or false" : "false"); },
+                        [&](std::int64_t*) { return range("a whole number"); },
+                        [&](double*) { return range("a number"); },
+                        [&](std::string*) {
+                          if (key.choices.empty()) return std::string("a text");
+                          return key.choices.size() == 1 ? join_quoted(key.choices, "") : "one of " + join_quoted(key.choices, ", ");
+                        },
+                        [&](std::vector<std::string>*) { return std::string("a list of texts"); },
+                    },
+                    key.slot(scratch));
+}
+
+std::string format_config_value(const ConfigKey& key, const Config& config) {
+  Config copy = config;
+  return std::visit(Overload{
+                        [](bool* v) { return std::string(*v ? "true" : "false"); },
+                        [](std::int64_t* v) { return fmt::format("{}", *v); },
+                        [](double* v) { return fmt::format("{}", *v); },
+                        [](std::string* v) { return quoted(*v); },
+                        [](std::vector<std::string>* v) { return "[" + join_quoted(*v, ", ") + "]"; },
+                    },
+                    key.slot(copy));
+}
+
+}  // namespace booth::daemon

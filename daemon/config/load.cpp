@@ -1,0 +1,224 @@
+// Reads configuration with toml++ and checks it against the table of keys.
+#include "daemon/config/load.hpp"
+
+#include <fmt/format.h>
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <map>
+#include <ostream>
+#include <sstream>
+
+#include "daemon/config/keys.hpp"
+
+namespace booth::daemon {
+namespace {
+
+constexpr std::uintmax_t kMaxFileBytes = 1 << 20;
+
+std::string join_lines(const std::vector<std::string>& lines) {
+  std::string out;
+  for (const auto& line : lines) out += (out.empty() ? "" : "\n") + line;
+  return out;
+}
+
+/// Collects problems while values are taken over.
+struct Loader {
+  Config config;
+  std::vector<std::string> problems;
+  std::size_t absent = 0;  ///< problems that are camera drivers of another build
+
+  void problem(const std::string& place, std::string_view key, const std::string& what) {
+    problems.push_back(key.empty() ? fmt::format("{}: {}", place, what) : fmt::format("{}: {}: {}", place, key, what));
+  }
+
+  void text_value(const ConfigKey& key, const std::string& place, const std::string& value, std::string& slot) {
+    if (std::find(key.absent.begin(), key.absent.end(), value) != key.absent.end()) {
+      absent += key.name == "cameras.driver";
+      return problem(place, key.name, fmt::format("\"{}\" is not in this build; allowed is {}", value, allowed_values(key)));
+    }
+    if (!key.choices.empty() && std::find(key.choices.begin(), key.choices.end(), value) == key.choices.end()) {
+      return problem(place, key.name, fmt::format("\"{}\" is not known; allowed is {}", value, allowed_values(key)));
+    }
+    if (key.check) {
+      if (const std::string wrong = key.check(value); !wrong.empty()) return problem(place, key.name, fmt::format("\"{}\" {}", value, wrong));
+    }
+    slot = value;
+  }
+
+  void value(const ConfigKey& key, const std::string& place, const toml::node& node) {
+    const auto wrong_type = [&] { problem(place, key.name, fmt::format("has the wrong type; allowed is {}", allowed_values(key))); };
+    const auto in_range = [&](double v) {
+      if (std::isfinite(v) && v >= key.minimum && v <= key.maximum) return true;
+      problem(place, key.name, fmt::format("{} is out of range; allowed is {}", v, allowed_values(key)));
+      return false;
+    };
+    const ConfigSlot slot = key.slot(config);
+    if (auto* b = std::get_if<bool*>(&slot)) {
+      const auto v = node.value_exact<bool>();
+      if (!v) return wrong_type();
+      if (*v && !key.absent.empty()) return problem(place, key.name, "is not in this build; allowed is false");
+      **b = *v;
+    } else if (auto* i = std::get_if<std::int64_t*>(&slot)) {
+      const auto v = node.value_exact<std::int64_t>();
+      if (!v) return wrong_type();
+      if (in_range(static_cast<double>(*v))) **i = *v;
+    } else if (auto* d = std::get_if<double*>(&slot)) {
+      const auto v = node.is_integer() || node.is_floating_point() ? node.value<double>() : std::nullopt;
+      if (!v) return wrong_type();
+      if (in_range(*v)) **d = *v;
+    } else if (auto* s = std::get_if<std::string*>(&slot)) {
+      const auto v = node.value_exact<std::string>();
+      if (!v) return wrong_type();
+      text_value(key, place, *v, **s);
+    } else if (auto* l = std::get_if<std::vector<std::string>*>(&slot)) {
+      const toml::array* array = node.as_array();
+      if (!array) return wrong_type();
+      std::vector<std::string> list;
+      for (const auto& item : *array) {
+        const auto v = item.value_exact<std::string>();
+        if (!v) return wrong_type();
+        list.emplace_back();
+        text_value(key, place, *v, list.back());
+      }
+      **l = std::move(list);
+    }
+  }
+
+  void unknown(const std::string& place, const std::string& name) {
+    const std::string_view near = nearest_config_key(name);
+    problem(place, name, near.empty() ? "is not a key of boothd" : fmt::format("is not a key of boothd; did you mean {}?", near));
+  }
+
+  void table(const std::string& prefix, const std::string& file, const toml::table& t) {
+    for (const auto& [k, node] : t) {
+      const std::string name = prefix + std::string(k.str());
+      const std::string place = fmt::format("{}:{}", file, k.source().begin.line);
+      if (const ConfigKey* key = find_config_key(name)) {
+        value(*key, place, node);
+        continue;
+      }
+      const auto keys = config_keys();
+      const bool is_prefix = std::any_of(keys.begin(), keys.end(), [&](const ConfigKey& c) { return c.name.starts_with(name + "."); });
+      if (const toml::table* inner = node.as_table(); inner && is_prefix) {
+        table(name + ".", file, *inner);
+      } else if (is_prefix) {
+        problem(place, name, "must be a table");
+      } else {
+        unknown(place, name);
+      }
+    }
+  }
+
+  void file(const std::filesystem::path& path) {
+    std::error_code error;
+    const auto size = std::filesystem::file_size(path, error);
+    if (error) return problem(path.string(), "", fmt::format("cannot be read: {}", error.message()));
+    if (size > kMaxFileBytes) return problem(path.string(), "", fmt::format("is {} bytes long; a configuration has at most {}", size, kMaxFileBytes));
+    std::ifstream in(path, std::ios::binary);
+    std::stringstream text;
+    text << in.rdbuf();
+    if (!in) return problem(path.string(), "", "cannot be read: is it readable for this user?");
+    try {
+      table("", path.string(), toml::parse(text.str(), path.string()));
+    } catch (const toml::parse_error& e) {
+      problem(fmt::format("{}:{}", path.string(), e.source().begin.line), "", fmt::format("not TOML: {}", e.description()));
+    }
+  }
+
+  void assignment(const std::string& text) {
+    const std::string place = "--set " + text;
+    const auto equals = text.find('=');
+    if (equals == std::string::npos) return problem(place, "", "must have the form key=value");
+    const std::string name = text.substr(0, equals), raw = text.substr(equals + 1);
+    const ConfigKey* key = find_config_key(name);
+    if (!key) return unknown(place, name);
+    const bool is_text = std::holds_alternative<std::string*>(key->slot(config));
+    const bool bare = is_text && !(raw.size() >= 2 && (raw.front() == '"' || raw.front() == '\'') && raw.back() == raw.front());
+    if (bare) return value(*key, place, toml::value<std::string>(raw));
+    try {
+      const toml::table parsed = toml::parse("value = " + raw);
+      const toml::node* node = parsed.get("value");
+      if (!node || parsed.size() != 1) return problem(place, name, fmt::format("has no single value; allowed is {}", allowed_values(*key)));
+      value(*key, place, *node);
+    } catch (const toml::parse_error&) {
+      problem(place, name, fmt::format("\"{}\" is not a value; allowed is {}", raw, allowed_values(*key)));
+    }
+  }
+};
+
+}  // namespace
+
+ConfigError::ConfigError(std::vector<std::string> problems) : std::runtime_error(join_lines(problems)), problems_(std::move(problems)) {}
+
+Config load_config(const ConfigSources& sources) {
+  Loader loader;
+  if (const char* run = std::getenv("RUNTIME_DIRECTORY"); run && *run) loader.config.control.socket = std::string(run) + "/control.sock";
+  if (const char* state = std::getenv("STATE_DIRECTORY"); state && *state) loader.config.session.directory = std::string(state) + "/sessions";
+
+  const bool named = !sources.file.empty();
+  const std::filesystem::path file = named ? sources.file : std::filesystem::path("/etc/boothd/boothd.toml");
+  std::error_code error;
+  if (named || std::filesystem::exists(file, error)) loader.file(file);
+
+  std::vector<std::filesystem::path> drop_ins;
+  for (std::filesystem::directory_iterator it(file.string() + ".d", error), end; !error && it != end; it.increment(error)) {
+    if (it->path().extension() == ".toml") drop_ins.push_back(it->path());
+  }
+  std::sort(drop_ins.begin(), drop_ins.end());
+  for (const auto& path : drop_ins) loader.file(path);
+  for (const auto& text : sources.assignments) loader.assignment(text);
+
+  const Config& c = loader.config;
+  if (loader.problems.empty()) {
+    if (c.cameras.driver == "recording" && c.cameras.recording.path.empty())
+      loader.problem("configuration", "cameras.recording.path", "must name a recording when cameras.driver is \"recording\"");
+    if (c.cameras.driver == "synthetic" && c.cameras.minimum > c.cameras.synthetic.count)
+      loader.problem("configuration", "cameras.minimum",
+                     fmt::format("is {}, but the simulated booth has only {} cameras (cameras.synthetic.count)", c.cameras.minimum, c.cameras.synthetic.count));
+  }
+  if (!loader.problems.empty()) {
+    ConfigError failure(loader.problems);
+    failure.only_device_absent = loader.absent == loader.problems.size();
+    throw failure;
+  }
+  return loader.config;
+}
+
+void print_config(const Config& config, std::ostream& out) {
+  std::string section;
+  for (const ConfigKey& key : config_keys()) {
+    const auto dot = key.name.rfind('.');
+    const std::string table(key.name.substr(0, dot));
+    if (table != section) out << (section.empty() ? "" : "\n") << "[" << table << "]\n";
+    section = table;
+    out << key.name.substr(dot + 1) << " = " << format_config_value(key, config) << "\n";
+  }
+}
+
+void print_config_reference(std::ostream& out) {
+  out << "# Configuration\n\n"
+         "Generated by `boothctl config reference` from `daemon/config/keys.cpp`; a test compares the two.\n\n"
+         "boothd reads `/etc/boothd/boothd.toml` (or `--config FILE`), then `FILE.d/*.toml` in alphabetical order, then each `--set key=value`; later values win.\n"
+         "Mistakes are reported all at once, each with file, line, key and what is allowed; `boothd --check-config` shows the result without starting anything.\n";
+  const Config defaults;
+  std::string section;
+  for (const ConfigKey& key : config_keys()) {
+    const auto dot = key.name.rfind('.');
+    const std::string table(key.name.substr(0, dot));
+    if (table != section) out << "\n## [" << table << "]\n\n| key | default | allowed | meaning |\n|---|---|---|---|\n";
+    section = table;
+    out << "| `" << key.name.substr(dot + 1) << "` | `" << format_config_value(key, defaults) << "` | " << allowed_values(key) << " | " << key.doc;
+    if (!key.absent.empty()) {
+      out << " Not in this build:";
+      for (const auto& value : key.absent) out << " `" << value << "`";
+      out << ".";
+    }
+    out << " |\n";
+  }
+}
+
+}  // namespace booth::daemon

@@ -1,0 +1,112 @@
+// JSON in, JSON out.
+#include "daemon/ctl/control_protocol.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace booth::daemon {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json latency_json(const LatencySummary& l) {
+  return {{"count", l.count}, {"p50", l.p50_ms}, {"p95", l.p95_ms}, {"p99", l.p99_ms}, {"max", l.max_ms}, {"mean", l.mean_ms}};
+}
+
+Json make_status(const DaemonStatus& s) {
+  Json j;
+  j["ok"] = true;
+  j["state"] = to_string(s.state);
+  j["degraded"] = s.degraded;
+  j["paused"] = s.paused;
+  j["emergency_latched"] = s.latched;
+  j["alarm"] = s.alarm;
+  j["session"] = s.session;
+  j["session_folder"] = s.session_folder;
+  j["cameras"] = Json::array();
+  for (const CameraStatus& c : s.cameras) {
+    j["cameras"].push_back({{"name", c.name},
+                            {"serial", c.serial},
+                            {"state", to_string(c.state)},
+                            {"fps", std::round(c.fps * 10) / 10},
+                            {"delivered", c.counters.delivered},
+                            {"dropped", c.counters.dropped + c.no_slot},
+                            {"corrupt", c.counters.corrupt},
+                            {"restarts", c.restarts},
+                            {"problem", c.problem}});
+  }
+  j["cameras_minimum"] = s.minimum_cameras;
+  j["groups"] = s.counters.groups;
+  j["groups_dropped"] = s.counters.groups_dropped;
+  j["groups_small"] = s.counters.groups_small;
+  j["frames"] = s.counters.fitted;
+  j["frames_unmatched"] = s.counters.frames_unmatched;
+  j["fps"] = std::round(s.fps * 100) / 100;
+  j["latency_ms"] = latency_json(s.latency);
+  for (std::size_t i = 0; i < kStages; ++i) j["stage_ms"][kStageNames[i]] = latency_json(s.stages[i]);
+  j["body_known"] = s.body_known;
+  if (s.last_known) {
+    j["person"] = s.last.person == PersonState::lost ? "lost" : s.last.person == PersonState::estimated ? "estimated" : "tracked";
+    j["residual"] = s.last.residual;
+    j["coverage"] = s.last.coverage;
+    j["others"] = s.last.others;
+  }
+  j["remark"] = s.remark;
+  j["dds_failures"] = s.dds_failures;
+  if (!s.dds_problem.empty()) j["dds_problem"] = s.dds_problem;
+  if (s.last_summary) j["last_session"] = Json::parse(s.last_summary->json, nullptr, false);
+  return j;
+}
+
+std::string dump(const Json& j) {
+  // Names come from devices and files: a byte that is not UTF-8 must not end the conversation.
+  return j.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::string error(const std::string& text) { return dump({{"ok", false}, {"error", text}}); }
+
+std::string skeleton_json(const DaemonStatus& s) {
+  Json j;
+  j["ok"] = true;
+  j["state"] = to_string(s.state);
+  j["known"] = s.last_known;
+  if (s.last_known) {
+    j["frame"] = s.last.sequence;
+    j["person"] = s.last.person == PersonState::lost ? "lost" : s.last.person == PersonState::estimated ? "estimated" : "tracked";
+    j["joints"] = s.last.joints;
+    j["q"] = s.last.q;
+    j["residual"] = s.last.residual;
+    j["fps"] = s.fps;
+    j["latency_p50_ms"] = s.latency.p50_ms;
+    j["groups_dropped"] = s.counters.groups_dropped;
+  }
+  return dump(j);
+}
+
+std::string command(SessionEvent event, Controller& controller) {
+  const ControlAnswer answer = controller.request(event, "control");
+  Json j{{"ok", answer.accepted}, {"state", to_string(answer.state)}};
+  if (!answer.accepted) j["error"] = answer.text;
+  return dump(j);
+}
+
+}  // namespace
+
+std::string status_json(const DaemonStatus& status) { return dump(make_status(status)); }
+
+std::string answer_request(const std::string& line, Controller& controller) {
+  const Json request = Json::parse(line, nullptr, false);
+  if (request.is_discarded()) return error("a request is one JSON object on one line");
+  if (!request.is_object() || !request.contains("request") || !request["request"].is_string())
+    return error("a request needs the key \"request\": \"status\", \"skeleton\", \"start\" or \"stop\"");
+  const std::string what = request["request"].get<std::string>();
+  if (what == "status") return status_json(controller.status());
+  if (what == "skeleton") return skeleton_json(controller.status());
+  if (what == "start") return command(SessionEvent::start, controller);
+  if (what == "stop") return command(SessionEvent::stop, controller);
+  return error(fmt::format("\"{}\" is not a request; there are status, skeleton, start and stop", what));
+}
+
+}  // namespace booth::daemon

@@ -1,0 +1,148 @@
+// Reading, restarting with back-off, and the counters that status shows.
+#include "daemon/pipeline/camera_worker.hpp"
+
+#include <algorithm>
+#include <exception>
+
+namespace booth::daemon {
+
+using namespace std::chrono_literals;
+
+const char* to_string(CameraState s) {
+  switch (s) {
+    case CameraState::starting: return "starting";
+    case CameraState::running: return "running";
+    case CameraState::lost: return "lost";
+    case CameraState::ended: return "ended";
+  }
+  return "?";
+}
+
+CameraWorker::CameraWorker(hal::DepthCamera& camera, hal::CameraIndex index, hal::Clock& clock, Wakeup& bell)
+    : camera_(camera), index_(index), clock_(clock), bell_(bell), slots_(kSlots) {
+  const auto& intrinsics = camera.description().intrinsics;
+  const auto pixels = static_cast<std::size_t>(intrinsics.width) * static_cast<std::size_t>(intrinsics.height);
+  for (auto& slot : slots_) slot.depth.resize(pixels);
+  spare_.depth.resize(pixels);
+  for (int i = 0; i < static_cast<int>(kSlots); ++i) (void)free_.push(i);
+  thread_ = std::thread([this] { run(); });
+}
+
+CameraWorker::~CameraWorker() {
+  stop_ = true;
+  camera_.stop();
+  thread_.join();
+}
+
+void CameraWorker::set_problem(const std::string& text) {
+  const std::lock_guard lock(problem_mutex_);
+  problem_ = text;
+}
+
+void CameraWorker::pause(hal::Nanoseconds duration) {
+  // Wall time in small steps: a restart is about the real device, and the end of the daemon must not wait for it.
+  for (auto waited = 0ns; waited < duration && !stop_; waited += 20ms) {
+    std::this_thread::sleep_for(20ms);
+    progress_.fetch_add(1, std::memory_order_relaxed);
+  }
+}
+
+bool CameraWorker::start_camera() {
+  try {
+    camera_.start();
+    set_problem("");
+    return true;
+  } catch (const std::exception& e) {
+    set_problem(e.what());
+    return false;
+  }
+}
+
+void CameraWorker::note_frame(hal::MonotonicTime now) {
+  if (window_frames_ == 0) window_start_ = now;
+  if (++window_frames_ > 15 && now > window_start_) {
+    fps_.store(static_cast<float>((window_frames_ - 1) / hal::seconds(now - window_start_)), std::memory_order_relaxed);
+    window_frames_ = 1;
+    window_start_ = now;
+  }
+}
+
+void CameraWorker::run() {
+  constexpr auto kFirstPause = 500ms, kLongestPause = 10000ms;
+  constexpr auto kReadTimeout = 100ms;
+  constexpr int kSilentReads = 20;  // two seconds without a frame: the device is taken for stalled
+  hal::Nanoseconds back_off = kFirstPause;
+  int slot = -1;
+  while (!stop_) {
+    if (!start_camera()) {
+      state_.store(CameraState::lost, std::memory_order_release);
+      pause(back_off);
+      back_off = std::min<hal::Nanoseconds>(2 * back_off, kLongestPause);
+      continue;
+    }
+    int silent = 0;
+    bool ended = false;
+    while (!stop_) {
+      progress_.fetch_add(1, std::memory_order_relaxed);
+      if (slot < 0 && !free_.pop(slot)) slot = -1;
+      hal::DepthFrame& target = slot < 0 ? spare_ : slots_[static_cast<std::size_t>(slot)];
+      const hal::ReadStatus status = camera_.read(target, kReadTimeout);
+      if (status == hal::ReadStatus::frame) {
+        silent = 0;
+        back_off = kFirstPause;
+        state_.store(CameraState::running, std::memory_order_release);
+        note_frame(clock_.now());
+        if (slot < 0) {
+          no_slot_.fetch_add(1, std::memory_order_relaxed);
+          continue;
+        }
+        target.camera = index_;
+        (void)ready_.push(slot);
+        slot = -1;
+        bell_.ring();
+      } else if (status == hal::ReadStatus::timeout) {
+        if (++silent < kSilentReads) continue;
+        set_problem("no frame for two seconds");
+        break;
+      } else if (status == hal::ReadStatus::ended) {
+        ended = true;
+        break;
+      } else {
+        set_problem(camera_.last_error());
+        break;
+      }
+    }
+    fps_.store(0, std::memory_order_relaxed);
+    window_frames_ = 0;
+    if (stop_) break;
+    if (ended) {
+      state_.store(CameraState::ended, std::memory_order_release);
+      bell_.ring();
+      break;
+    }
+    state_.store(CameraState::lost, std::memory_order_release);
+    camera_.stop();
+    restarts_.fetch_add(1, std::memory_order_relaxed);
+    pause(back_off);
+    back_off = std::min<hal::Nanoseconds>(2 * back_off, kLongestPause);
+  }
+  camera_.stop();
+}
+
+CameraStatus CameraWorker::status() const {
+  CameraStatus out;
+  out.name = camera_.description().name;
+  out.serial = camera_.description().serial;
+  out.state = state();
+  out.fps = fps_.load(std::memory_order_relaxed);
+  out.counters = camera_.counters();
+  out.no_slot = no_slot_.load(std::memory_order_relaxed);
+  out.restarts = restarts_.load(std::memory_order_relaxed);
+  const std::lock_guard lock(problem_mutex_);
+  out.problem = problem_;
+  return out;
+}
+
+std::size_t CameraWorker::memory_bytes() const { return (kSlots + 1) * spare_.depth.size() * sizeof(std::uint16_t); }
+
+}  // namespace booth::daemon

@@ -1,0 +1,40 @@
+// Reads the models that the configuration asks for and builds the fitter around them.
+#include "daemon/pipeline/fit_setup.hpp"
+
+#include "daemon/io/model_file.hpp"
+
+namespace booth::daemon {
+
+FitSetup make_fit_setup(const Config& config, const hal::DepthCameras& cameras, const std::vector<hal::DepthFrame>& background) {
+  FitSetup out;
+  const auto directory = find_models(config.models.directory);
+  const bool paper = config.fit.preset == "paper";
+  const auto load = [&](const char* name) {
+    const auto path = directory / (std::string(name) + ".npz");
+    auto model = std::make_shared<const fit::BodyModel>(paper ? load_body_model_paper(path) : load_body_model(path));
+    out.versions.push_back(std::string(name) + " " + model->data().version);
+    return model;
+  };
+  if (config.fit.sex != "women") out.models.men = load("men");
+  if (config.fit.sex != "men") out.models.women = load("women");
+  auto prior = std::make_shared<const fit::PosePrior>(load_pose_prior(directory / "pose.npz"));
+  out.versions.push_back("pose " + prior->version);
+
+  fit::CloudSettings cloud;
+  cloud.stage_x = static_cast<float>(config.stage.centre_y);  // CMU's x is the booth's y (left), its z the booth's x (forward)
+  cloud.stage_z = static_cast<float>(config.stage.centre_x);
+  cloud.stage_radius = static_cast<float>(config.stage.radius);
+  cloud.stage_height = static_cast<float>(config.stage.height);
+  cloud.threads = static_cast<int>(config.fit.threads);
+  fit::EstimatorSettings estimator;
+  estimator.preset = paper ? fit::Preset::paper : fit::Preset::booth;
+  estimator.sex = config.fit.sex == "men" ? fit::SexChoice::men : config.fit.sex == "women" ? fit::SexChoice::women : fit::SexChoice::automatic;
+  estimator.threads = static_cast<int>(config.fit.threads);
+  estimator.seed = static_cast<std::uint64_t>(config.fit.seed);
+  std::vector<hal::CameraDescription> descriptions;
+  for (const auto& camera : cameras) descriptions.push_back(camera->description());
+  out.fitter = std::make_unique<EstimatorFitter>(descriptions, background, FitModels{out.models.men, out.models.women, prior}, cloud, estimator);
+  return out;
+}
+
+}  // namespace booth::daemon

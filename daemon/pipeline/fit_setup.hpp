@@ -1,0 +1,24 @@
+// From configuration to a ready fitter: models loaded, cameras described, everything allocated.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "daemon/config/config.hpp"
+#include "hal/depth_camera.hpp"
+#include "daemon/pipeline/estimator_fitter.hpp"
+#include "daemon/record/session_files.hpp"
+
+namespace booth::daemon {
+
+struct FitSetup {
+  SessionModels models;
+  std::vector<std::string> versions;  ///< of the models, "men 2026-..." ...
+  std::unique_ptr<EstimatorFitter> fitter;
+};
+
+/// Throws std::runtime_error or std::invalid_argument naming the file or the key.
+FitSetup make_fit_setup(const Config& config, const hal::DepthCameras& cameras, const std::vector<hal::DepthFrame>& background);
+
+}  // namespace booth::daemon

@@ -1,0 +1,41 @@
+// The seam between the pipeline's threads and the mathematics: a group of frames in, a fitted frame out.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "daemon/pipeline/frame_record.hpp"
+#include "daemon/pipeline/synchroniser.hpp"
+#include "hal/depth_frame.hpp"
+
+namespace booth::daemon {
+
+/// One group's images; valid during the call.
+struct FitInput {
+  std::uint64_t frame = 0;  ///< since the last reset; keys the random numbers
+  hal::MonotonicTime reference{};
+  std::array<const hal::DepthFrame*, kMaxCameras> frames{};  ///< nullptr: this camera is not in
+};
+
+struct MemoryItem {
+  std::string what;
+  std::size_t bytes = 0;
+};
+
+/// One thread calls at a time. step() allocates nothing and throws nothing.
+class FrameFitter {
+ public:
+  virtual ~FrameFitter() = default;
+  /// Forgets the person.
+  virtual void reset() = 0;
+  /// Fills what is known of the person, and the durations of the stages `cloud` and `fit`.
+  virtual void step(const FitInput& input, FrameRecord& out) = 0;
+  /// Why the last step() saw nobody, as a constant sentence; empty when somebody was there.
+  virtual const char* remark() const = 0;
+  virtual std::vector<MemoryItem> memory_plan() const = 0;
+};
+
+}  // namespace booth::daemon

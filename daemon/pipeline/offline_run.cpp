@@ -1,0 +1,130 @@
+// Reads whichever camera is behind, so that frames enter the synchroniser in the order in which they were taken.
+#include "daemon/pipeline/offline_run.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+#include <vector>
+
+namespace booth::daemon {
+namespace {
+
+/// One camera's frames: some in the synchroniser or in a group, one read ahead.
+struct Feed {
+  hal::DepthCamera* camera = nullptr;
+  std::vector<hal::DepthFrame> slots{Synchroniser::kDepth + 2};
+  std::vector<int> free;
+  int ahead = -1;  ///< slot of the frame that was read but not given to the synchroniser
+  bool ended = false;
+};
+
+void read_ahead(Feed& feed, int index) {
+  if (feed.ended || feed.ahead >= 0) return;
+  const int slot = feed.free.back();
+  constexpr int kPatience = 300;  // times 100 ms: a recording on a slow disk
+  for (int turn = 0; turn < kPatience; ++turn) {
+    hal::DepthFrame& frame = feed.slots[static_cast<std::size_t>(slot)];
+    switch (feed.camera->read(frame, std::chrono::milliseconds(100))) {
+      case hal::ReadStatus::frame:
+        frame.camera = static_cast<hal::CameraIndex>(index);
+        feed.free.pop_back();
+        feed.ahead = slot;
+        return;
+      case hal::ReadStatus::timeout: continue;
+      case hal::ReadStatus::ended: feed.ended = true; return;
+      case hal::ReadStatus::lost: throw std::runtime_error(feed.camera->last_error());
+    }
+  }
+  throw std::runtime_error("camera " + feed.camera->description().name + " gave no frame for 30 s");
+}
+
+class OfflineRun {
+ public:
+  OfflineRun(hal::DepthCameras& cameras, int minimum, FrameFitter& fitter, const std::function<bool(const FitInput&, const FrameRecord&)>& each)
+      : minimum_(minimum), fitter_(fitter), each_(each), synchroniser_({.cameras = static_cast<int>(cameras.size()), .order = GroupOrder::oldest_first}) {
+    for (auto& camera : cameras) {
+      Feed feed;
+      feed.camera = camera.get();
+      for (int s = 0; s < static_cast<int>(feed.slots.size()); ++s) feed.free.push_back(s);
+      feeds_.push_back(std::move(feed));
+    }
+  }
+  ~OfflineRun() {
+    for (auto& feed : feeds_) feed.camera->stop();
+  }
+
+  OfflineCounters run() {
+    for (auto& feed : feeds_) feed.camera->start();
+    fitter_.reset();
+    while (true) {
+      for (std::size_t i = 0; i < feeds_.size(); ++i) read_ahead(feeds_[i], static_cast<int>(i));
+      Feed* first = nullptr;
+      for (auto& feed : feeds_) {
+        if (feed.ahead >= 0 && (!first || captured(feed) < captured(*first))) first = &feed;
+      }
+      const hal::MonotonicTime now = first ? captured(*first) : hal::MonotonicTime::max();
+      if (first) {
+        ++counters_.frames;
+        ReleasedSlots released;
+        synchroniser_.add({static_cast<int>(first - feeds_.data()), now, first->ahead}, released);
+        first->ahead = -1;
+        release(released);
+      }
+      if (!groups_until(now)) break;
+      if (!first) break;
+    }
+    counters_.frames_unmatched = synchroniser_.frames_dropped();
+    return counters_;
+  }
+
+ private:
+  hal::MonotonicTime captured(const Feed& feed) const { return feed.slots[static_cast<std::size_t>(feed.ahead)].captured; }
+
+  void release(const ReleasedSlots& released) {
+    for (const auto& entry : released.list()) feeds_[static_cast<std::size_t>(entry.camera)].free.push_back(entry.slot);
+  }
+
+  /// False when the caller has seen enough.
+  bool groups_until(hal::MonotonicTime now) {
+    FrameGroup group;
+    while (true) {
+      ReleasedSlots released;
+      const bool more = synchroniser_.next(now, group, released);
+      release(released);
+      if (!more) return true;
+      const bool go_on = group.cameras < minimum_ ? (++counters_.groups_small, true) : fit(group);
+      for (std::size_t cam = 0; cam < feeds_.size(); ++cam) {
+        if (group.slot[cam] >= 0) feeds_[cam].free.push_back(group.slot[cam]);
+      }
+      if (!go_on) return false;
+    }
+  }
+
+  bool fit(const FrameGroup& group) {
+    FitInput input;
+    FrameRecord record;
+    input.frame = record.sequence = counters_.groups++;
+    input.reference = group.reference;
+    for (std::size_t cam = 0; cam < feeds_.size(); ++cam) {
+      if (group.slot[cam] >= 0) input.frames[cam] = &feeds_[cam].slots[static_cast<std::size_t>(group.slot[cam])];
+    }
+    record.cameras = static_cast<std::uint8_t>(group.cameras);
+    record.captured_ns = group.reference.time_since_epoch().count();
+    fitter_.step(input, record);
+    return each_(input, record);
+  }
+
+  const int minimum_;
+  FrameFitter& fitter_;
+  const std::function<bool(const FitInput&, const FrameRecord&)>& each_;
+  Synchroniser synchroniser_;
+  std::vector<Feed> feeds_;
+  OfflineCounters counters_;
+};
+
+}  // namespace
+
+OfflineCounters run_offline(hal::DepthCameras& cameras, int minimum_cameras, FrameFitter& fitter, const std::function<bool(const FitInput&, const FrameRecord&)>& each) {
+  return OfflineRun(cameras, minimum_cameras, fitter, each).run();
+}
+
+}  // namespace booth::daemon

@@ -1,0 +1,342 @@
+// Writing, finishing and clearing away session folders.
+#include "daemon/record/session_files.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <ctime>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <sstream>
+#include <stdexcept>
+
+#include "daemon/io/atomic_file.hpp"
+#include "daemon/io/bvh_file.hpp"
+#include "daemon/io/csv_file.hpp"
+#include "daemon/io/mesh_file.hpp"
+#include "daemon/record/session_log.hpp"
+#include "daemon/record/truth_error.hpp"
+
+namespace booth::daemon {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr double kBvhRate = 30;  ///< frames per second of skeleton.bvh
+
+std::tm utc_calendar(std::int64_t utc_ns) {
+  const std::time_t s = static_cast<std::time_t>(utc_ns / 1'000'000'000);
+  std::tm out{};
+  ::gmtime_r(&s, &out);
+  return out;
+}
+
+std::string iso_time(std::int64_t utc_ns) { return utc_ns == 0 ? "" : fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03}Z", utc_calendar(utc_ns), utc_ns / 1'000'000 % 1000); }
+
+Json info_json(const SessionInfo& info) {
+  Json j;
+  j["id"] = info.id;
+  j["booth"] = info.booth;
+  j["software"] = info.software;
+  j["result"] = info.result;
+  j["reason"] = info.reason;
+  j["began"] = iso_time(info.began_utc_ns);
+  j["began_utc_ns"] = info.began_utc_ns;
+  j["ended"] = iso_time(info.ended_utc_ns);
+  j["source"] = info.source;
+  j["cameras"] = info.cameras;
+  j["preset"] = info.preset;
+  j["seed"] = info.seed;
+  j["threads"] = info.threads;
+  j["models"] = info.models;
+  return j;
+}
+
+double percentile(std::vector<double> values, double p) {
+  if (values.empty()) return 0;
+  const auto rank = static_cast<std::ptrdiff_t>(p * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + rank, values.end());
+  return values[static_cast<std::size_t>(rank)];
+}
+
+double round_to(double v, double step) { return std::round(v / step) * step; }
+double ms(double v) { return std::round(v * 1e3) / 1e3; }
+
+const char* person_name(PersonState s) { return s == PersonState::lost ? "lost" : s == PersonState::estimated ? "estimated" : "tracked"; }
+
+std::vector<SkeletonRow> csv_rows(const std::vector<FrameRecord>& frames) {
+  std::vector<SkeletonRow> rows(frames.size());
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const FrameRecord& f = frames[i];
+    SkeletonRow& row = rows[i];
+    row.time = 1e-9 * static_cast<double>(f.captured_ns - frames.front().captured_ns);
+    row.utc_ns = f.captured_utc_ns;
+    row.state = person_name(f.person);
+    row.residual = static_cast<double>(f.residual);
+    row.q = Eigen::Map<const fit::PoseVector>(f.q.data());
+    for (std::size_t j = 0; j < kRecordJoints; ++j)
+      row.joints.col(static_cast<Eigen::Index>(j)) = fit::cmu_from_booth({f.joints[j][0], f.joints[j][1], f.joints[j][2]});
+  }
+  return rows;
+}
+
+/// The poses at an even rate, as BVH wants them: at each instant the last pose in which the person was seen.
+std::vector<fit::PoseVector> even_poses(const std::vector<FrameRecord>& frames) {
+  std::vector<fit::PoseVector> out;
+  const auto seen = [](const FrameRecord& f) { return f.person != PersonState::lost; };
+  const auto first = std::find_if(frames.begin(), frames.end(), seen);
+  if (first == frames.end()) return out;
+  const std::int64_t begin = first->captured_ns, end = frames.back().captured_ns;
+  const FrameRecord* shown = &*first;
+  auto next = first + 1;
+  const auto count = static_cast<std::int64_t>(1e-9 * static_cast<double>(end - begin) * kBvhRate) + 1;
+  for (std::int64_t k = 0; k < count; ++k) {
+    const auto until = begin + static_cast<std::int64_t>((static_cast<double>(k) + 0.5) / kBvhRate * 1e9);
+    for (; next != frames.end() && next->captured_ns <= until; ++next) {
+      if (seen(*next)) shown = &*next;
+    }
+    out.emplace_back(Eigen::Map<const fit::PoseVector>(shown->q.data()));
+  }
+  return out;
+}
+
+[[noreturn]] void fail(const fs::path& path, const std::string& doing) {
+  throw std::runtime_error(fmt::format("{}: cannot be {}: {} (is it writable for this user? the key is session.directory)", path.string(), doing, std::strerror(errno)));
+}
+
+void make_private_folder(const fs::path& path) {
+  if (::mkdir(path.c_str(), 0700) != 0) fail(path, "made");
+}
+
+bool looks_like_session(const fs::path& path) {
+  const std::string name = path.filename().string();
+  return name.size() == 21 && name[8] == 'T' && name[15] == 'Z' && name[16] == '-';
+}
+
+std::vector<fs::path> session_folders(const fs::path& directory) {
+  std::vector<fs::path> out;
+  std::error_code error;
+  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
+    if (it->is_directory(error) && looks_like_session(it->path())) out.push_back(it->path());
+  }
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+Json read_json(const fs::path& path) {
+  std::ifstream in(path);
+  Json j = Json::parse(in, nullptr, false);
+  return j.is_object() ? j : Json::object();
+}
+
+std::string text_of(const Json& j, const char* key) { return j.contains(key) && j[key].is_string() ? j[key].get<std::string>() : ""; }
+
+std::uintmax_t folder_bytes(const fs::path& folder) {
+  std::uintmax_t sum = 0;
+  std::error_code error;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    std::error_code ignored;
+    if (it->is_regular_file(ignored)) sum += it->file_size(ignored);
+  }
+  return sum;
+}
+
+}  // namespace
+
+std::string make_session_id(std::int64_t utc_ns) {
+  std::random_device device;
+  return fmt::format("{:%Y%m%dT%H%M%SZ}-{:04x}", utc_calendar(utc_ns), device() & 0xffffu);
+}
+
+fs::path create_session_folder(const fs::path& directory, const SessionInfo& info) {
+  std::error_code error;
+  fs::create_directories(directory, error);
+  const fs::path folder = directory / info.id, temporary = directory / ("." + info.id + ".part");
+  make_private_folder(temporary);
+  write_file_atomically(temporary / "session.json", info_json(info).dump(2) + "\n", 0600);
+  fs::rename(temporary, folder, error);
+  if (error) {
+    errno = error.value();
+    fail(folder, "made");
+  }
+  return folder;
+}
+
+SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, const std::vector<FrameRecord>& frames, const SessionModels& models,
+                              const hal::GroundTruth* truth) {
+  SessionSummary out;
+  out.frames = frames.size();
+  std::vector<double> residuals;
+  const FrameRecord* last_good = nullptr;
+  std::uint64_t accepted_at = 0;
+  bool accepted = false;
+  for (const FrameRecord& f : frames) {
+    if (f.person == PersonState::lost) {
+      ++out.frames_lost;
+      continue;
+    }
+    residuals.push_back(static_cast<double>(f.residual));
+    last_good = &f;
+    if (!accepted && f.body_accepted) {
+      accepted = true;
+      accepted_at = f.sequence;
+    }
+  }
+  if (frames.size() > 1) {
+    out.seconds = 1e-9 * static_cast<double>(frames.back().captured_ns - frames.front().captured_ns);
+    if (out.seconds > 0) out.fps = static_cast<double>(frames.size() - 1) / out.seconds;
+  }
+  for (double r : residuals) out.residual_mean += r / static_cast<double>(residuals.size());
+  out.residual_p95 = percentile(residuals, 0.95);
+
+  if (!frames.empty()) write_skeleton_csv(folder / "skeleton.csv", csv_rows(frames));
+  const fit::BodyModel* model = last_good ? models.of(last_good->sex) : nullptr;
+  if (model) {
+    const fit::ShapeVector beta = Eigen::Map<const Eigen::VectorXd>(last_good->beta.data(), last_good->shape_count);
+    write_bvh(folder / "skeleton.bvh", model->bone_vectors(beta), even_poses(frames), 1 / kBvhRate);
+    fit::Vertices posed, normals;
+    model->posed(beta, Eigen::Map<const fit::PoseVector>(last_good->q.data()), posed);
+    fit::vertex_normals(posed, model->data().faces, normals);
+    write_ply(folder / "body.ply", {.points = posed, .normals = &normals, .faces = &model->data().faces}, UpAxis::z, "booth frame, metres; session " + info.id);
+  }
+
+  Json j = info_json(info);
+  j["state_at_end"] = info.state_at_end;
+  j["frames"] = out.frames;
+  j["frames_lost"] = out.frames_lost;
+  j["frames_not_logged"] = info.frames_not_logged;
+  j["groups"] = info.groups;
+  j["groups_dropped"] = info.groups_dropped;
+  j["frames_unmatched"] = info.frames_unmatched;
+  j["seconds"] = ms(out.seconds);
+  j["fps"] = ms(out.fps);
+  if (info.live && info.latency.count > 0) {
+    const LatencySummary& l = info.latency;
+    j["latency_ms"] = {{"p50", ms(l.p50_ms)}, {"p95", ms(l.p95_ms)}, {"p99", ms(l.p99_ms)}, {"max", ms(l.max_ms)}, {"mean", ms(l.mean_ms)}};
+  }
+  if (info.latency.count > 0) {
+    for (std::size_t s = 0; s < kStages; ++s) {
+      if (info.stages[s].count > 0) j["stage_ms"][kStageNames[s]] = {{"p50", ms(info.stages[s].p50_ms)}, {"p99", ms(info.stages[s].p99_ms)}, {"max", ms(info.stages[s].max_ms)}};
+    }
+  }
+  j["residual"] = {{"mean", round_to(out.residual_mean, 1e-6)}, {"p95", round_to(out.residual_p95, 1e-6)}};
+  if (last_good) {
+    j["sex"] = last_good->sex == RecordSex::men ? "men" : "women";
+    j["beta"] = std::vector<double>(last_good->beta.begin(), last_good->beta.begin() + last_good->shape_count);
+    j["body_accepted"] = accepted;
+    if (accepted) j["body_accepted_at_frame"] = accepted_at;
+  }
+  if (truth) {
+    const TruthError error = truth_error(frames, models, *truth);
+    if (error.frames > 0) {
+      out.truth_known = true;
+      out.joint_mean = error.joint_mean;
+      out.joint_p95 = error.joint_p95;
+      out.surface_mean = error.surface_mean;
+      Json& t = j["truth"];
+      t["body"] = truth->body_name();
+      t["sex"] = truth->sex();
+      t["frames"] = error.frames;
+      t["joint_mean"] = round_to(error.joint_mean, 1e-6);
+      t["joint_p95"] = round_to(error.joint_p95, 1e-6);
+      t["joint_mean_settled"] = round_to(error.joint_mean_settled, 1e-6);
+      t["joints"] = Json::array();
+      for (const int joint : fit::main_joints()) t["joints"].push_back(fit::bones()[static_cast<std::size_t>(joint)].end_joint);
+      t["joint_mean_24"] = round_to(error.joint_mean_all, 1e-6);
+      for (std::size_t joint = 0; joint < kRecordJoints; ++joint)
+        t["per_joint_mean"][std::string(fit::bones()[joint].end_joint)] = round_to(error.per_joint_mean[joint], 1e-6);
+      if (error.surface_frames > 0) {
+        t["surface_mean"] = round_to(error.surface_mean, 1e-6);
+        t["fitted_to_truth"] = round_to(error.fitted_to_truth, 1e-6);
+        t["truth_to_fitted"] = round_to(error.truth_to_fitted, 1e-6);
+        t["surface_frames"] = error.surface_frames;
+      }
+    }
+  }
+  out.json = j.dump(2) + "\n";
+  write_file_atomically(folder / "session.json", out.json, 0600);
+  std::error_code ignored;
+  fs::remove(folder / kFrameLogName, ignored);
+  return out;
+}
+
+std::vector<std::string> close_interrupted_sessions(const fs::path& directory, const SessionModels& models) {
+  std::vector<std::string> said;
+  std::error_code error;
+  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename().string();
+    std::error_code ignored;
+    if (name.starts_with(".") && name.ends_with(".part") && it->is_directory(ignored)) fs::remove_all(it->path(), ignored);
+  }
+  for (const fs::path& folder : session_folders(directory)) {
+    const Json old = read_json(folder / "session.json");
+    if (text_of(old, "result") != "running") continue;
+    SessionInfo info;
+    info.id = folder.filename().string();
+    info.booth = text_of(old, "booth");
+    info.software = text_of(old, "software");
+    info.source = text_of(old, "source");
+    info.preset = text_of(old, "preset");
+    if (old.contains("began_utc_ns") && old["began_utc_ns"].is_number_integer()) info.began_utc_ns = old["began_utc_ns"].get<std::int64_t>();
+    for (const char* key : {"cameras", "models"}) {
+      if (!old.contains(key) || !old[key].is_array()) continue;
+      for (const Json& item : old[key]) {
+        if (item.is_string()) (std::strcmp(key, "cameras") == 0 ? info.cameras : info.models).push_back(item.get<std::string>());
+      }
+    }
+    info.result = "interrupted";
+    info.reason = "boothd ended before the session did";
+    std::vector<FrameRecord> frames;
+    std::string log_problem;
+    try {
+      frames = read_session_log(folder);
+    } catch (const std::exception& e) {
+      log_problem = fmt::format("; its frames are lost: {}", e.what());
+    }
+    if (!frames.empty()) info.ended_utc_ns = frames.back().captured_utc_ns;
+    try {
+      finish_session(folder, info, frames, models, nullptr);
+      said.push_back(fmt::format("session {} was interrupted; {} frames of it were saved{}", info.id, frames.size(), log_problem));
+    } catch (const std::exception& e) {
+      said.push_back(fmt::format("session {} was interrupted and cannot be closed: {}", info.id, e.what()));
+    }
+  }
+  return said;
+}
+
+std::vector<std::string> prune_sessions(const fs::path& directory, std::int64_t quota_bytes, std::int64_t max_age_days, std::int64_t now_utc_ns) {
+  std::vector<std::string> said;
+  std::vector<fs::path> folders = session_folders(directory);
+  std::vector<std::uintmax_t> bytes;
+  std::uintmax_t total = 0;
+  for (const auto& folder : folders) total += bytes.emplace_back(folder_bytes(folder));
+  // The folder's name is its date: no clock of the file system is asked.
+  const std::string oldest_kept =
+      max_age_days > 0 ? fmt::format("{:%Y%m%dT%H%M%SZ}", utc_calendar(std::max<std::int64_t>(0, now_utc_ns - max_age_days * 86'400'000'000'000))) : std::string();
+  for (std::size_t i = 0; i < folders.size(); ++i) {
+    const std::string id = folders[i].filename().string();
+    const bool old = !oldest_kept.empty() && id.substr(0, 16) < oldest_kept;
+    const bool over = quota_bytes > 0 && total > static_cast<std::uintmax_t>(quota_bytes);
+    if (!old && !over) continue;
+    if (text_of(read_json(folders[i] / "session.json"), "result") == "running") continue;
+    std::error_code error;
+    fs::remove_all(folders[i], error);
+    if (error) {
+      said.push_back(fmt::format("session {} should be deleted, but cannot be: {}", id, error.message()));
+    } else {
+      total -= bytes[i];
+      said.push_back(fmt::format("session {} was deleted: {}", id, old ? "older than session.max_age_days" : "more than session.quota_bytes"));
+    }
+  }
+  return said;
+}
+
+}  // namespace booth::daemon

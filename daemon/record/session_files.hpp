@@ -1,0 +1,51 @@
+// The folder of a session: its beginning, the files written at its end, and what is done with those that never reached it.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "daemon/pipeline/frame_record.hpp"
+#include "daemon/record/session_info.hpp"
+#include "fit/body/body_model.hpp"
+#include "hal/ground_truth.hpp"
+
+namespace booth::daemon {
+
+/// The models that frames were fitted with; either may be null.
+struct SessionModels {
+  std::shared_ptr<const fit::BodyModel> men, women;
+  const fit::BodyModel* of(RecordSex sex) const { return sex == RecordSex::men ? men.get() : women.get(); }
+};
+
+/// "20261122T063323Z-1f2e": sorts by time, unique by chance.
+std::string make_session_id(std::int64_t utc_ns);
+
+/// Makes DIRECTORY/ID (mode 0700) with a session.json that says `running`; the folder appears whole or not at all. Creates DIRECTORY where it is missing.
+/// Throws std::runtime_error naming the path, the reason and the remedy.
+std::filesystem::path create_session_folder(const std::filesystem::path& directory, const SessionInfo& info);
+
+/// What session.json says of the result; also what `stop --wait` and `track` print.
+struct SessionSummary {
+  std::uint64_t frames = 0, frames_lost = 0;
+  double fps = 0, seconds = 0;
+  double residual_mean = 0, residual_p95 = 0;
+  bool truth_known = false;
+  double joint_mean = 0, joint_p95 = 0, surface_mean = 0;  ///< metres
+  std::string json;                                        ///< the whole of session.json
+};
+
+/// Writes skeleton.csv, skeleton.bvh, body.ply and at last session.json, each whole or not at all, then removes the raw log. Each file is left out where
+/// there is nothing to put in it. `truth` may be null. Throws std::runtime_error naming the path and the reason.
+SessionSummary finish_session(const std::filesystem::path& folder, const SessionInfo& info, const std::vector<FrameRecord>& frames, const SessionModels& models,
+                              const hal::GroundTruth* truth);
+
+/// Finishes what a power cut or a crash left behind, marked `interrupted`. Returns one sentence for each such session; never throws for a broken one.
+std::vector<std::string> close_interrupted_sessions(const std::filesystem::path& directory, const SessionModels& models);
+
+/// Deletes finished sessions, oldest first, that are older than `max_age_days` (0: any age) or with which all sessions take more than `quota_bytes` (0: any
+/// size). Returns one sentence for each.
+std::vector<std::string> prune_sessions(const std::filesystem::path& directory, std::int64_t quota_bytes, std::int64_t max_age_days, std::int64_t now_utc_ns);
+
+}  // namespace booth::daemon

@@ -1,0 +1,57 @@
+// Takes frames from the fit thread and puts them on disk, so that a power cut costs at most the last moments.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "daemon/pipeline/frame_record.hpp"
+#include "daemon/pipeline/index_ring.hpp"
+
+namespace booth::daemon {
+
+/// Name of the raw log inside a session folder that has not been finished.
+inline constexpr const char* kFrameLogName = ".frames.part";
+
+/// Frames go through a fixed ring to a writer thread; memory is taken at construction.
+class SessionLog {
+ public:
+  SessionLog();
+  ~SessionLog();
+  SessionLog(const SessionLog&) = delete;
+
+  /// Begins the raw log in an existing folder. Throws std::runtime_error naming the path and the system's reason.
+  void open(const std::filesystem::path& folder);
+  /// Called by one thread. Returns at once; a frame that finds the ring full is counted as lost.
+  void append(const FrameRecord& record) noexcept;
+  /// Writes what is left, flushes to stable storage. No append() may run at the same time. Harmless when not open.
+  void close();
+
+  /// Frames that did not reach the disk since open(): the ring was full, or the disk was.
+  std::uint64_t lost() const { return lost_.load(); }
+  /// Why writing failed, empty while it works. Valid after close().
+  const std::string& problem() const { return problem_; }
+  static std::size_t memory_bytes() { return sizeof(Ring); }
+
+ private:
+  using Ring = IndexRing<FrameRecord, 128>;  // four seconds at 30 frames/s: longer than a disk usually pauses
+  void run();
+  bool drain();
+
+  std::unique_ptr<Ring> ring_;
+  int fd_ = -1;
+  std::atomic<bool> open_{false}, stop_{false};
+  std::atomic<std::uint64_t> lost_{0};
+  std::string problem_;
+  std::thread thread_;
+};
+
+/// Reads the raw log of `folder`; a record torn by a power cut is left out. Throws std::runtime_error when there is none or when it is not one of
+/// this version's.
+std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder);
+
+}  // namespace booth::daemon

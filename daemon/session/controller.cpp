@@ -1,0 +1,332 @@
+// The controller's thread: requests, frames, time and cameras in; session files, DDS samples and log lines out.
+#include "daemon/session/controller.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "daemon/health/log.hpp"
+
+namespace booth::daemon {
+
+using namespace std::chrono_literals;
+
+Controller::Controller(ControllerSettings settings, hal::Clock& clock) : settings_(std::move(settings)), clock_(clock), machine_(settings_.limits) {
+  for (const auto& line : close_interrupted_sessions(settings_.session_directory, settings_.models)) log_line(LogLevel::warning, line);
+}
+
+Controller::~Controller() { shutdown("end"); }
+
+void Controller::run(Pipeline& pipeline, FrameFitter& fitter, DdsLink* dds) {
+  pipeline_ = &pipeline;
+  fitter_ = &fitter;
+  dds_ = dds;
+  thread_ = std::thread([this] { loop(); });
+}
+
+ControlAnswer Controller::request(SessionEvent event, const std::string& source) {
+  std::future<ControlAnswer> answer;
+  {
+    const std::lock_guard lock(queue_mutex_);
+    if (stop_) return {false, state(), "boothd is ending"};
+    if (queue_.size() >= kQueue) return {false, state(), "too many requests at once"};
+    queue_.push_back({event, source, {}});
+    answer = queue_.back().answer.get_future();
+  }
+  bell_.ring();
+  return answer.get();
+}
+
+void Controller::shutdown(const std::string& reason) {
+  if (!thread_.joinable()) return;
+  request(SessionEvent::stop, reason);
+  while (state() != SessionState::idle) std::this_thread::sleep_for(5ms);
+  {
+    const std::lock_guard lock(queue_mutex_);
+    stop_ = true;
+  }
+  bell_.ring();
+  thread_.join();
+  for (auto& left : queue_) left.answer.set_value({false, state(), "boothd is ending"});
+  queue_.clear();
+  if (finisher_.joinable()) finisher_.join();
+}
+
+void Controller::publish(FrameRecord& record) noexcept {
+  record.session_state = static_cast<std::uint8_t>(state());
+  if (dds_) dds_->publish(record);
+}
+
+void Controller::log(const FrameRecord& record) noexcept {
+  log_.append(record);
+  (void)notes_.push({record.person != PersonState::lost, record.body_accepted != 0});
+  {
+    const std::lock_guard lock(shared_mutex_);
+    last_ = record;
+    last_known_ = true;
+    last_frame_ = clock_.now();
+    if (frames_++ == 0) first_frame_ = last_frame_;
+    // A constant text: nothing is allocated for it unless it changes.
+    if (const char* remark = fitter_->remark(); remark_ != remark) remark_ = remark;
+  }
+  bell_.ring();
+}
+
+void Controller::loop() {
+  while (!stop_) {
+    bell_.wait(10ms);
+    progress_.fetch_add(1, std::memory_order_relaxed);
+    take_requests();
+    take_frames();
+    watch_cameras();
+    const hal::MonotonicTime now = clock_.now();
+    if (files_done_.exchange(false)) {
+      finisher_.join();
+      apply(machine_.handle(SessionEvent::files_written, now), "files_written", "session");
+    }
+    const SessionOutcome by_time = machine_.tick(now, paused_);
+    const bool over = by_time.action == SessionAction::end;
+    apply(by_time, !over ? "person_lost" : by_time.from == SessionState::searching ? "search_over" : "session_over", "time");
+    const bool silent = !machine_.running() || paused_;
+    if (dds_ && silent && now - last_idle_ >= 50ms) {
+      dds_->publish_idle(static_cast<std::uint8_t>(machine_.state()));
+      last_idle_ = now;
+    }
+    publish_status(false);
+  }
+}
+
+void Controller::take_requests() {
+  while (true) {
+    Request request;
+    {
+      const std::lock_guard lock(queue_mutex_);
+      if (queue_.empty()) return;
+      request = std::move(queue_.front());
+      queue_.pop_front();
+    }
+    const SessionOutcome outcome = machine_.handle(request.event, clock_.now());
+    const std::string name(to_string(request.event));
+    say_event("trigger", request.source, outcome.refusal.empty() ? name : fmt::format("{} refused: {}", name, outcome.refusal));
+    apply(outcome, name, request.source);
+    request.answer.set_value({outcome.refusal.empty(), machine_.state(), std::string(outcome.refusal)});
+  }
+}
+
+void Controller::take_frames() {
+  for (FrameNote note; notes_.pop(note);) {
+    const SessionOutcome outcome = machine_.frame(note.there, note.accepted, clock_.now());
+    const SessionEvent event = outcome.to == SessionState::tracking    ? (outcome.from == SessionState::estimating ? SessionEvent::body_accepted : SessionEvent::person_found)
+                               : outcome.to == SessionState::searching ? SessionEvent::person_lost
+                                                                       : SessionEvent::person_found;
+    apply(outcome, std::string(to_string(event)), "fit");
+    if (machine_.body_known() && !body_published_ && machine_.running()) publish_body();
+  }
+}
+
+void Controller::watch_cameras() {
+  const std::vector<CameraStatus> cameras = pipeline_->cameras();
+  camera_states_.resize(cameras.size(), CameraState::starting);
+  int running = 0;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    running += cameras[i].state == CameraState::running;
+    if (cameras[i].state == camera_states_[i]) continue;
+    const std::string text = fmt::format("camera {} is {}{}{}", cameras[i].name, to_string(cameras[i].state), cameras[i].problem.empty() ? "" : ": ", cameras[i].problem);
+    const bool bad = cameras[i].state == CameraState::lost;
+    log_line(bad ? LogLevel::warning : LogLevel::info, text);
+    say_event(bad ? "fault" : "state", "cameras", text);
+    camera_states_[i] = cameras[i].state;
+  }
+  const bool paused = running < settings_.minimum_cameras;
+  {
+    const std::lock_guard lock(shared_mutex_);
+    paused_ = paused;
+    latched_ = machine_.latched();
+    body_known_ = machine_.body_known();
+  }
+  if (machine_.running() && pipeline_->all_ended()) apply(machine_.handle(SessionEvent::sources_ended, clock_.now()), "sources_ended", "cameras");
+}
+
+void Controller::apply(const SessionOutcome& outcome, const std::string& cause, const std::string& source) {
+  if (outcome.action == SessionAction::begin) begin_session();
+  if (outcome.action == SessionAction::end) end_session(cause, std::string(to_string(outcome.from)));
+  if (!outcome.changed()) return;
+  state_.store(outcome.to, std::memory_order_release);
+  const std::string text = fmt::format("{} -> {} ({})", to_string(outcome.from), to_string(outcome.to), cause);
+  log_line(LogLevel::info, text);
+  say_event("state", source, text);
+  publish_status(true);
+}
+
+void Controller::begin_session() {
+  // After this the fit thread's frames carry the new state already.
+  state_.store(SessionState::estimating, std::memory_order_release);
+  SessionInfo info = settings_.info;
+  session_began_utc_ = info.began_utc_ns = clock_.utc_now().time_since_epoch().count();
+  info.id = make_session_id(info.began_utc_ns);
+  body_published_ = false;
+  std::filesystem::path folder;
+  std::string alarm;
+  try {
+    for (const auto& line : prune_sessions(settings_.session_directory, settings_.quota_bytes, settings_.max_age_days, info.began_utc_ns)) log_line(LogLevel::info, line);
+    folder = create_session_folder(settings_.session_directory, info);
+    log_.open(folder);
+  } catch (const std::exception& e) {
+    alarm = fmt::format("this session is live only: {}", e.what());
+    log_line(LogLevel::error, alarm);
+    folder.clear();
+  }
+  set_alarm(alarm);
+  {
+    const std::lock_guard lock(shared_mutex_);
+    session_ = info.id;
+    folder_ = folder;
+    last_known_ = false;
+    frames_ = 0;
+    remark_.clear();
+  }
+  pipeline_->activate();
+  log_line(LogLevel::info, fmt::format("session {} begins{}{}", info.id, folder.empty() ? "" : " in ", folder.string()));
+}
+
+void Controller::end_session(const std::string& reason, const std::string& state_at_end) {
+  pipeline_->deactivate();
+  take_frames();
+  log_.close();
+  SessionInfo info = settings_.info;
+  std::filesystem::path folder;
+  {
+    const std::lock_guard lock(shared_mutex_);
+    info.id = session_;
+    folder = folder_;
+  }
+  info.began_utc_ns = session_began_utc_;
+  info.ended_utc_ns = clock_.utc_now().time_since_epoch().count();
+  info.result = "complete";
+  info.reason = reason;
+  info.state_at_end = state_at_end;
+  const PipelineCounters counters = pipeline_->counters();
+  info.groups = counters.groups;
+  info.groups_dropped = counters.groups_dropped;
+  info.frames_unmatched = counters.frames_unmatched;
+  info.frames_not_logged = log_.lost();
+  info.latency = pipeline_->latency();
+  for (int s = 0; s < kStages; ++s) info.stages[static_cast<std::size_t>(s)] = pipeline_->stage(static_cast<Stage>(s));
+  if (!log_.problem().empty()) {
+    log_line(LogLevel::error, log_.problem());
+    set_alarm(log_.problem());
+  }
+  finisher_ = std::thread([this, info = std::move(info), folder = std::move(folder)]() mutable { write_files(std::move(info), std::move(folder)); });
+}
+
+void Controller::write_files(SessionInfo info, std::filesystem::path folder) {
+  if (!folder.empty()) {
+    try {
+      SessionSummary summary = finish_session(folder, info, read_session_log(folder), settings_.models, settings_.truth.get());
+      log_line(LogLevel::info, fmt::format("session {} is complete: {} frames, {:.1f} frames/s, in {}", info.id, summary.frames, summary.fps, folder.string()));
+      const std::lock_guard lock(shared_mutex_);
+      summary_ = std::move(summary);
+    } catch (const std::exception& e) {
+      const std::string alarm = fmt::format("session {} could not be saved: {}", info.id, e.what());
+      log_line(LogLevel::error, alarm);
+      set_alarm(alarm);
+    }
+  }
+  files_done_ = true;
+  bell_.ring();
+}
+
+void Controller::publish_body() {
+  body_published_ = true;
+  BodySample body;
+  FrameRecord frame;
+  {
+    const std::lock_guard lock(shared_mutex_);
+    body.session = session_;
+    frame = last_;
+  }
+  const fit::BodyModel* model = settings_.models.of(frame.sex);
+  if (!model || !dds_) return;
+  body.sex = frame.sex;
+  body.model_version = model->data().version;
+  body.beta.assign(frame.beta.begin(), frame.beta.begin() + frame.shape_count);
+  const fit::Points3 bones = model->bone_vectors(Eigen::Map<const Eigen::VectorXd>(frame.beta.data(), frame.shape_count));
+  for (std::size_t b = 0; b < kRecordJoints; ++b) body.bone_lengths[b] = bones.col(static_cast<Eigen::Index>(b)).norm();
+  dds_->publish(body);
+}
+
+void Controller::publish_status(bool force) {
+  if (!dds_ || (!force && clock_.now() - last_look_ < 100ms)) return;
+  last_look_ = clock_.now();
+  const DaemonStatus s = status();
+  std::string key = fmt::format("{} {} {} {} {} {}", static_cast<int>(s.state), s.degraded, s.paused, s.latched, s.session, s.alarm);
+  for (const auto& camera : s.cameras) key += to_string(camera.state);
+  const hal::MonotonicTime now = clock_.now();
+  if (!force && key == status_key_ && now - last_status_ < 1s) return;
+  status_key_ = std::move(key);
+  last_status_ = now;
+  StatusSample out;
+  out.state = static_cast<std::uint8_t>(s.state);
+  out.degraded = s.degraded;
+  out.paused = s.paused;
+  out.latched = s.latched;
+  out.session = s.session;
+  out.alarm = s.alarm;
+  for (const auto& camera : s.cameras) {
+    out.cameras.push_back({.name = camera.name,
+                           .state = to_string(camera.state),
+                           .fps = static_cast<float>(camera.fps),
+                           .delivered = camera.counters.delivered,
+                           .dropped = camera.counters.dropped + camera.no_slot,
+                           .restarts = camera.restarts});
+  }
+  out.frames = s.counters.fitted;
+  out.groups_dropped = s.counters.groups_dropped;
+  out.fps = static_cast<float>(s.fps);
+  out.latency_p50_ms = static_cast<float>(s.latency.p50_ms);
+  out.latency_p99_ms = static_cast<float>(s.latency.p99_ms);
+  out.residual = s.last_known ? s.last.residual : 0;
+  dds_->publish(out);
+}
+
+void Controller::set_alarm(const std::string& text) {
+  const std::lock_guard lock(shared_mutex_);
+  alarm_ = text;
+}
+
+void Controller::say_event(const std::string& kind, const std::string& source, const std::string& text) {
+  if (dds_) dds_->publish_event(kind, source, text);
+}
+
+DaemonStatus Controller::status() const {
+  DaemonStatus out;
+  out.state = state();
+  out.minimum_cameras = settings_.minimum_cameras;
+  if (pipeline_) {
+    out.cameras = pipeline_->cameras();
+    out.counters = pipeline_->counters();
+    out.latency = pipeline_->latency();
+    for (int s = 0; s < kStages; ++s) out.stages[static_cast<std::size_t>(s)] = pipeline_->stage(static_cast<Stage>(s));
+  }
+  out.degraded = std::any_of(out.cameras.begin(), out.cameras.end(), [](const CameraStatus& c) { return c.state != CameraState::running; });
+  if (dds_) {
+    out.dds_failures = dds_->failures();
+    out.dds_problem = dds_->last_failure();
+  }
+  const std::lock_guard lock(shared_mutex_);
+  out.paused = paused_;
+  out.latched = latched_;
+  out.body_known = body_known_;
+  out.alarm = alarm_;
+  out.session = session_;
+  out.session_folder = folder_.string();
+  out.remark = remark_;
+  out.last = last_;
+  out.last_known = last_known_;
+  out.last_summary = summary_;
+  if (frames_ > 1 && last_frame_ > first_frame_) out.fps = static_cast<double>(frames_ - 1) / hal::seconds(last_frame_ - first_frame_);
+  return out;
+}
+
+}  // namespace booth::daemon

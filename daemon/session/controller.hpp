@@ -1,0 +1,149 @@
+// Runs the booth: hears requests, follows the session through its states, opens and finishes its files, tells the world.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <future>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "daemon/dds/dds_link.hpp"
+#include "daemon/pipeline/pipeline.hpp"
+#include "daemon/record/session_files.hpp"
+#include "daemon/record/session_log.hpp"
+#include "daemon/session/session_machine.hpp"
+#include "hal/clock.hpp"
+#include "hal/ground_truth.hpp"
+
+namespace booth::daemon {
+
+struct ControllerSettings {
+  std::filesystem::path session_directory;
+  std::int64_t quota_bytes = 0, max_age_days = 0;
+  SessionMachine::Limits limits;
+  int minimum_cameras = 2;
+  SessionInfo info;        ///< what is the same in every session of this daemon
+  SessionModels models;
+  std::shared_ptr<const hal::GroundTruth> truth;  ///< may be null
+};
+
+/// Answer to a request.
+struct ControlAnswer {
+  bool accepted = false;
+  SessionState state{};  ///< after the request
+  std::string text;      ///< why it was refused
+};
+
+/// Everything that status shows, taken at one moment.
+struct DaemonStatus {
+  SessionState state{};
+  bool degraded = false, paused = false, latched = false, body_known = false;
+  std::string alarm, session, session_folder, remark;
+  std::vector<CameraStatus> cameras;
+  int minimum_cameras = 0;
+  PipelineCounters counters;
+  LatencySummary latency;
+  std::array<LatencySummary, kStages> stages{};
+  double fps = 0;
+  FrameRecord last;          ///< the last fitted frame of this session
+  bool last_known = false;
+  std::optional<SessionSummary> last_summary;  ///< of the last session that was finished
+  std::uint64_t dds_failures = 0;
+  std::string dds_problem;
+};
+
+/// Public functions are thread-safe unless they say otherwise.
+class Controller final : public FrameSink {
+ public:
+  /// `dds` may be null. Closes interrupted sessions of the directory. Never throws for a directory that cannot be written: that is an alarm.
+  Controller(ControllerSettings settings, hal::Clock& clock);
+  ~Controller() override;
+
+  /// Begins to work with the pipeline whose sink this is. Call once; both outlive shutdown().
+  void run(Pipeline& pipeline, FrameFitter& fitter, DdsLink* dds);
+
+  /// Queues an event and waits for its answer.
+  ControlAnswer request(SessionEvent event, const std::string& source);
+  /// Ends a running session, waits until its files are written, ends the thread. Not concurrently with request().
+  void shutdown(const std::string& reason);
+
+  DaemonStatus status() const;
+  SessionState state() const { return state_.load(std::memory_order_acquire); }
+  /// Moves with every turn of the controller's thread.
+  std::uint64_t progress() const { return progress_.load(); }
+
+  void publish(FrameRecord& record) noexcept override;
+  void log(const FrameRecord& record) noexcept override;
+
+ private:
+  struct Request {
+    SessionEvent event;
+    std::string source;
+    std::promise<ControlAnswer> answer;
+  };
+  /// What the thread needs to know of a frame.
+  struct FrameNote {
+    bool there = false, accepted = false;
+  };
+
+  void loop();
+  void take_requests();
+  void take_frames();
+  void watch_cameras();
+  void apply(const SessionOutcome& outcome, const std::string& cause, const std::string& source);
+  void begin_session();
+  void end_session(const std::string& reason, const std::string& state_at_end);
+  void write_files(SessionInfo info, std::filesystem::path folder);
+  void publish_body();
+  void publish_status(bool force);
+  void set_alarm(const std::string& text);
+  void say_event(const std::string& kind, const std::string& source, const std::string& text);
+
+  ControllerSettings settings_;
+  hal::Clock& clock_;
+  Pipeline* pipeline_ = nullptr;
+  FrameFitter* fitter_ = nullptr;
+  DdsLink* dds_ = nullptr;
+
+  Wakeup bell_;
+  std::mutex queue_mutex_;
+  std::deque<Request> queue_;
+  static constexpr std::size_t kQueue = 64;
+
+  std::atomic<SessionState> state_{SessionState::idle};
+  std::atomic<std::uint64_t> progress_{0};
+  IndexRing<FrameNote, 256> notes_;
+  SessionLog log_;
+
+  // The controller thread's alone.
+  SessionMachine machine_;
+  bool body_published_ = false;
+  std::vector<CameraState> camera_states_;
+  hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{};
+  std::string status_key_;
+  std::int64_t session_began_utc_ = 0;
+
+  mutable std::mutex shared_mutex_;  ///< guards what follows
+  FrameRecord last_;
+  bool last_known_ = false;
+  hal::MonotonicTime first_frame_{}, last_frame_{};
+  std::uint64_t frames_ = 0;
+  std::string alarm_, session_, remark_;
+  std::filesystem::path folder_;
+  bool latched_ = false, paused_ = false, body_known_ = false;
+  std::optional<SessionSummary> summary_;
+
+  std::thread finisher_;
+  std::atomic<bool> files_done_{false};
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+}  // namespace booth::daemon

@@ -1,0 +1,87 @@
+// What happens to a session when: one table of states and events, with time as an input.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "hal/time.hpp"
+
+namespace booth::daemon {
+
+enum class SessionState : std::uint8_t {
+  idle,        ///< nobody is captured
+  estimating,  ///< a body is being estimated
+  tracking,    ///< the body is known and followed
+  searching,   ///< the person is not there (any more)
+  finishing,   ///< the session's files are being written
+};
+inline constexpr int kSessionStates = 5;
+
+enum class SessionEvent : std::uint8_t {
+  start,               ///< a person asks for a session
+  stop,                ///< a person ends it
+  toggle,              ///< one button for both
+  emergency_pressed,   ///< ends the session and refuses new ones ...
+  emergency_released,  ///< ... until released; it does not start one
+  body_accepted,       ///< the fit has settled on a body
+  person_lost,         ///< nobody seen for lost_seconds
+  person_found,        ///< somebody seen again
+  search_over,         ///< nobody seen for search_seconds
+  session_over,        ///< the session has lasted max_seconds
+  sources_ended,       ///< no camera will deliver anything more
+  files_written,       ///< the session's files are complete, or it was found that they cannot be written
+};
+inline constexpr int kSessionEvents = 12;
+
+/// What the owner of the machine has to do; at most one for each event.
+enum class SessionAction : std::uint8_t { none, begin, end };
+
+/// `refusal` is empty when the event was accepted (also when it changed nothing).
+struct SessionOutcome {
+  SessionState from{}, to{};
+  SessionAction action = SessionAction::none;
+  std::string_view refusal{};
+  bool changed() const { return from != to; }
+};
+
+std::string_view to_string(SessionState s);
+std::string_view to_string(SessionEvent e);
+
+/// One cell of the table, before latch, guard time and knowledge of the body are looked at.
+SessionOutcome session_transition(SessionState state, SessionEvent event);
+
+/// Pure: no threads, no clock, no allocation.
+class SessionMachine {
+ public:
+  struct Limits {
+    hal::Nanoseconds lost = std::chrono::milliseconds(500);
+    hal::Nanoseconds search = std::chrono::seconds(60);
+    hal::Nanoseconds session = std::chrono::seconds(1800);
+    /// A toggle that follows another within this time is the same press once more.
+    hal::Nanoseconds toggle_guard = std::chrono::milliseconds(500);
+  };
+  explicit SessionMachine(Limits limits) : limits_(limits) {}
+
+  SessionOutcome handle(SessionEvent event, hal::MonotonicTime now);
+
+  /// What a fitted frame says: is a person there, and has the body settled? At most one change of state.
+  SessionOutcome frame(bool person_there, bool body_accepted, hal::MonotonicTime now);
+
+  /// What the passing of time alone says. While the fit is paused for want of cameras, `paused` stops the search clock: nobody can be found.
+  SessionOutcome tick(hal::MonotonicTime now, bool paused);
+
+  SessionState state() const { return state_; }
+  bool running() const { return state_ == SessionState::estimating || state_ == SessionState::tracking || state_ == SessionState::searching; }
+  bool latched() const { return latched_; }
+  bool body_known() const { return body_known_; }
+
+ private:
+  SessionOutcome unchanged() const { return {.from = state_, .to = state_}; }
+
+  Limits limits_;
+  SessionState state_ = SessionState::idle;
+  bool latched_ = false, body_known_ = false, toggled_ = false;
+  hal::MonotonicTime began_{}, last_seen_{}, last_toggle_{};
+};
+
+}  // namespace booth::daemon
