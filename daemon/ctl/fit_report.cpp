@@ -1,0 +1,87 @@
+// Turns a FitResult into JSON; nothing is computed here that the estimator has not found.
+#include "daemon/ctl/fit_report.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "fit/body/measure.hpp"
+
+namespace booth::daemon {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json distances(const fit::DistanceStatistics& d) { return {{"mean", d.mean}, {"median", d.median}, {"p95", d.p95}}; }
+
+Json energies(const fit::EnergyTerms& e) {
+  return {
+      {"point", e.point},           {"plane", e.plane},   {"shape", e.shape},       {"bone", e.bone},  {"pose", e.pose}, {"cloud_to_model", e.cloud_to_model},
+      {"free_space", e.free_space}, {"limits", e.limits}, {"temporal", e.temporal}, {"total", e.total}};
+}
+
+/// Standard deviation along the worst direction.
+double worst_sd(const Eigen::Matrix3d& covariance) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance, Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues()[2]));
+}
+
+}  // namespace
+
+bool coverage_is_partial(const fit::FitResult& result, std::size_t viewpoints) {
+  // One camera explains 40 to 50 % of a body's surface, two opposite ones over 75 %.
+  constexpr double kWhole = 0.6;
+  return viewpoints == 1 || result.coverage < kWhole;
+}
+
+std::string fit_json(const fit::FitResult& result, const fit::BodyModel& model, const FitContext& context) {
+  Json out;
+  out["preset"] = context.preset;
+  out["sex"] = fit::to_string(result.sex);
+  out["model_version"] = model.data().version;
+  out["seed"] = context.seed;
+  out["threads"] = context.threads;
+  out["frame"] = context.up == UpAxis::z ? "booth: x forward, y left, z up; metres" : "CMU: y up, z forward, x left; metres";
+  out["q"] = std::vector<double>(result.q.data(), result.q.data() + result.q.size());
+  out["beta"] = std::vector<double>(result.beta.data(), result.beta.data() + result.beta.size());
+
+  const auto joints = file_from_cmu(result.joints, context.up);
+  Json places = Json::object(), spread = Json::object(), seen = Json::object(), lengths = Json::object();
+  const fit::Points3 vectors = model.bone_vectors(result.beta);
+  for (int j = 0; j < fit::kJoints; ++j) {
+    const fit::Bone& bone = fit::bones()[static_cast<std::size_t>(j)];
+    const std::string joint(bone.end_joint);
+    places[joint] = {joints(0, j), joints(1, j), joints(2, j)};
+    spread[joint] = worst_sd(result.joint_covariance[static_cast<std::size_t>(j)]);
+    seen[joint] = result.visibility[static_cast<std::size_t>(j)] == fit::JointVisibility::seen ? "seen" : "inferred";
+    if (j > 0) lengths[std::string(bone.name)] = vectors.col(j).norm();
+  }
+  out["joints"] = places;
+  out["joint_sd"] = spread;
+  out["joint_visibility"] = seen;
+  out["bone_lengths"] = lengths;
+
+  Json measurements = Json::object();
+  // The estimator gives no covariance of the shape, so no deviation can be claimed: null, not zero.
+  for (const fit::Measurement& m : fit::measure(model, result.beta))
+    measurements[std::string(m.name)] = {{"value", m.value}, {"sd", nullptr}, {"unit", m.unit}};
+  out["measurements"] = measurements;
+
+  const Json energy = energies(result.energy);
+  Json terms = Json::array();
+  for (const auto& [name, value] : energy.items())
+    if (name != "total" && value.get<double>() != 0) terms.push_back(name);
+  out["energy"] = energy;
+  out["terms_active"] = terms;
+  out["iterations"] = result.iterations;
+  out["total_ms"] = context.total_ms;
+  out["cloud_to_model"] = distances(result.cloud_to_model);
+  out["model_to_cloud"] = distances(result.model_to_cloud);
+  out["coverage"] = coverage_is_partial(result, context.viewpoints) ? "partial" : "full";
+  out["coverage_fraction"] = result.coverage;
+  out["input"] = {
+      {"files", context.files}, {"points", context.points}, {"dropped", context.dropped}, {"viewpoints", context.viewpoints}, {"notes", context.notes}};
+  return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace booth::daemon

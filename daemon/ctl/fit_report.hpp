@@ -1,0 +1,31 @@
+// fit.json: everything a fit found, under the keys of docs/reference/fit-json.md.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "daemon/io/axes.hpp"
+#include "fit/estimator.hpp"
+
+namespace booth::daemon {
+
+struct FitContext {
+  std::string preset;  ///< "booth" or "paper"
+  std::uint64_t seed = 1;
+  int threads = 1;
+  UpAxis up = UpAxis::z;                 ///< the input's axes, which joints are given in
+  std::size_t viewpoints = 0;            ///< cameras that were given
+  double total_ms = 0;                   ///< preparing the cloud and fitting; reading files and models not counted
+  std::vector<std::string> files;        ///< as they were given
+  std::int64_t points = 0, dropped = 0;  ///< used; not finite
+  std::vector<std::string> notes;        ///< what was changed in the input
+};
+
+/// True when so little of the body was seen that the rest is inferred: from one camera, about half of it is.
+bool coverage_is_partial(const fit::FitResult& result, std::size_t viewpoints);
+
+/// JSON text, ending in a newline. Lengths in metres, angles in radians.
+std::string fit_json(const fit::FitResult& result, const fit::BodyModel& model, const FitContext& context);
+
+}  // namespace booth::daemon

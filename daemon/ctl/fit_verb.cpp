@@ -1,0 +1,141 @@
+// Options of `boothctl fit`, and the way from files to files.
+#include "daemon/ctl/fit_verb.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+#include <stdexcept>
+
+#include "daemon/ctl/fit_input.hpp"
+#include "daemon/ctl/fit_report.hpp"
+#include "daemon/io/atomic_file.hpp"
+#include "daemon/io/glb_file.hpp"
+#include "daemon/io/model_file.hpp"
+#include "fit/cloud/cloud_builder.hpp"
+
+namespace booth::daemon {
+namespace {
+
+struct Options {
+  std::vector<std::filesystem::path> clouds;
+  std::string model = "auto", preset = "booth", units = "m", up = "z";
+  std::filesystem::path cameras, initial, out = ".", models;
+  std::uint64_t seed = 1;
+  int threads = 2;
+  bool detail = false, clothed = false, json = false;
+};
+
+/// A line on a terminal only: piped output holds the result and nothing else.
+void progress(const char* what) {
+  if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "%s ...\n", what);
+}
+
+std::unique_ptr<fit::Estimator> make_estimator(const Options& options, fit::EstimatorSettings settings) {
+  const auto folder = find_models(options.models);
+  const bool paper = options.preset == "paper";
+  const auto load = [&](const char* sex) -> std::shared_ptr<const fit::BodyModel> {
+    if (options.model != "auto" && options.model != sex) return nullptr;
+    const auto path = folder / (std::string(sex) + ".npz");
+    return std::make_shared<const fit::BodyModel>(paper ? load_body_model_paper(path) : load_body_model(path));
+  };
+  auto prior = std::make_shared<const fit::PosePrior>(load_pose_prior(folder / "pose.npz"));
+  settings.preset = paper ? fit::Preset::paper : fit::Preset::booth;
+  settings.sex = options.model == "men" ? fit::SexChoice::men : options.model == "women" ? fit::SexChoice::women : fit::SexChoice::automatic;
+  settings.threads = options.threads;
+  settings.seed = options.seed;
+  return std::make_unique<fit::Estimator>(load("men"), load("women"), std::move(prior), settings);
+}
+
+void write_results(const Options& options, UpAxis up, const fit::Estimator& estimator, const fit::FitResult& result, const std::string& json) {
+  std::error_code error;
+  std::filesystem::create_directories(options.out, error);
+  if (error) throw std::runtime_error("cannot make the folder " + options.out.string() + ": " + error.message());
+  const fit::BodyModel& model = estimator.model();
+  fit::Vertices normals, rest;
+  fit::vertex_normals(estimator.posed_vertices(), model.data().faces, normals);
+  write_ply(options.out / "body.ply", {estimator.posed_vertices(), &normals, &model.data().faces}, up, "boothctl fit, model " + model.data().version);
+  model.shaped(result.beta, rest);
+  const fit::Points3 joints = model.rest_joints(result.beta);
+  write_glb(options.out / "body.glb", {model, rest, joints, result.q});
+  write_file_atomically(options.out / "fit.json", json);
+}
+
+void run(const Options& options) {
+  if (options.detail) throw std::runtime_error("--detail is not in this version: there is no local detail beyond the shape space yet; leave the option out");
+  if (options.clothed) throw std::runtime_error("--clothed is not in this version: the body is fitted to the surface as it is seen; leave the option out");
+  const UpAxis up = options.up == "y" ? UpAxis::y : UpAxis::z;
+  progress("reading");
+  const FitInput input = read_fit_input(options.clouds, {.units = *units_from_name(options.units), .up = up});
+  std::vector<Eigen::Vector3f> viewpoints;
+  if (!options.cameras.empty()) viewpoints = read_viewpoints(options.cameras, up);
+  fit::PoseVector initial;
+  if (!options.initial.empty()) initial = read_initial_pose(options.initial);
+  fit::EstimatorSettings settings;
+  const auto estimator = make_estimator(options, settings);
+
+  progress("fitting");
+  const auto begin = std::chrono::steady_clock::now();
+  fit::Observation observation(settings.cloud_capacity);
+  fit::CloudReport report;
+  if (!fit::build_unorganised(input.points, input.normals, viewpoints, {}, observation, report))
+    throw std::runtime_error(std::string("no person in the input: ") + fit::describe(report.outcome));
+  const fit::FitResult& result = estimator->fit(observation, options.initial.empty() ? nullptr : &initial);
+  const double total_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+  if (result.state == fit::FitState::lost)
+    throw std::runtime_error(
+        fmt::format("no person in the input: the best body lies {:.0f} mm from the points on average; are up axis (--up) and units (--units) right?",
+                    1000 * result.cloud_to_model.mean));
+
+  FitContext context;
+  context.preset = options.preset;
+  context.seed = options.seed;
+  context.threads = options.threads;
+  context.up = up;
+  context.viewpoints = viewpoints.size();
+  context.total_ms = total_ms;
+  for (const auto& file : options.clouds) context.files.push_back(file.string());
+  context.points = observation.cloud.size;
+  context.dropped = input.dropped;
+  context.notes = input.notes;
+  const std::string json = fit_json(result, estimator->model(), context);
+  write_results(options, up, *estimator, result, json);
+
+  for (const std::string& note : input.notes) std::cerr << "note: " << note << "\n";
+  if (coverage_is_partial(result, viewpoints.size()))
+    std::cerr << fmt::format("warning: coverage: partial. The points show {:.0f} % of the body; the rest is inferred and less certain\n",
+                             100 * result.coverage);
+  if (options.json)
+    std::cout << json;
+  else
+    std::cout << fmt::format("{}, {} points, cloud to body {:.1f} mm mean, {:.1f} mm p95, {:.0f} ms\nwrote {}, {}, {}\n", fit::to_string(result.sex),
+                             observation.cloud.size, 1000 * result.cloud_to_model.mean, 1000 * result.cloud_to_model.p95, total_ms,
+                             (options.out / "fit.json").string(), (options.out / "body.ply").string(), (options.out / "body.glb").string());
+}
+
+}  // namespace
+
+void add_fit_verb(CLI::App& boothctl) {
+  CLI::App* verb = boothctl.add_subcommand("fit", "One person's body and pose from point clouds or meshes of one moment");
+  auto options = std::make_shared<Options>();
+  verb->add_option("clouds", options->clouds, "PLY, OBJ, PCD or XYZ files")->required();
+  verb->add_option("--model", options->model, "Body model")->check(CLI::IsMember({"men", "women", "auto"}))->capture_default_str();
+  verb->add_option("--preset", options->preset, "Way of fitting: ours, or as published")->check(CLI::IsMember({"booth", "paper"}))->capture_default_str();
+  verb->add_option("--cameras", options->cameras, "calibration.toml: where the points were seen from");
+  verb->add_option("--init", options->initial, "JSON with the 36 entries of q to begin with");
+  verb->add_option("--units", options->units, "Units of the files")->check(CLI::IsMember({"m", "cm", "mm", "auto"}))->capture_default_str();
+  verb->add_option("--up", options->up, "Axis of the files that points up")->check(CLI::IsMember({"z", "y"}))->capture_default_str();
+  verb->add_option("--seed", options->seed, "Of the random numbers: the same seed gives the same result")->capture_default_str();
+  verb->add_option("--threads", options->threads, "Workers; the result does not depend on them")->check(CLI::Range(1, 256))->capture_default_str();
+  verb->add_option("--out", options->out, "Folder for fit.json, body.ply and body.glb")->capture_default_str();
+  verb->add_option("--models", options->models, "Folder of the body models");
+  verb->add_flag("--detail", options->detail, "Local detail beyond the shape space (not in this version)");
+  verb->add_flag("--clothed", options->clothed, "The body under clothes (not in this version)");
+  verb->add_flag("--json", options->json, "Print fit.json");
+  verb->callback([options] { run(*options); });
+}
+
+}  // namespace booth::daemon
