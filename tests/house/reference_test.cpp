@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
@@ -27,7 +28,7 @@ void expect_page(const std::string& path, const std::string& generated) {
 
 std::string number(double x) {
   char text[32];
-  std::snprintf(text, sizeof text, "%.4f", x == 0 ? 0.0 : x);
+  std::snprintf(text, sizeof text, "%.4f", std::abs(x) < 5e-5 ? 0.0 : x);  // never "-0.0000"
   return text;
 }
 
