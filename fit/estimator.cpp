@@ -15,6 +15,8 @@ namespace booth::fit {
 namespace {
 
 constexpr int kBadFramesUntilSearch = 2;   // a single bad frame is bridged, not searched
+constexpr int kRivalFrames = 10;           // men's and women's models both follow a new person for so long; then the better is kept
+constexpr double kRivalShare = 1.5;        // a model whose first energy is more than this share above the best is out at once
 
 }  // namespace
 
@@ -32,6 +34,9 @@ struct Estimator::Impl {
   std::vector<Candidate> candidates;
   std::unique_ptr<NearestField> field;
   Candidate* person = nullptr;   ///< whose body is known
+  Candidate* rival = nullptr;    ///< the other sex's model while it has not been decided
+  double person_energy = 0, rival_energy = 0;  ///< summed over the frames since both were adopted
+  int rival_frames = 0;
   Candidate* last = nullptr;     ///< who made the last result
   bool following = false;
   int bad_frames = 0;
@@ -51,7 +56,7 @@ struct Estimator::Impl {
       candidates.push_back(std::move(c));
     }
     if (candidates.empty()) throw std::invalid_argument("estimator: no body model for the sex that was asked for");
-    if (s.preset == Preset::paper) field = std::make_unique<NearestField>(s.cloud_capacity);
+    if (s.preset == Preset::paper) field = std::make_unique<NearestField>(NearestFieldSettings{.max_points = s.cloud_capacity});
     last = &candidates.front();
   }
 
@@ -60,7 +65,7 @@ struct Estimator::Impl {
       if (c.booth) c.booth->reset();
       if (c.paper) c.paper->reset();
     }
-    person = nullptr;
+    person = rival = nullptr;
     following = false;
     bad_frames = 0;
     result = FitResult{};
@@ -76,26 +81,62 @@ struct Estimator::Impl {
     else c.paper->adopt(s);
   }
 
-  /// From nothing (or `initial`): each model in question is fitted, the better explanation is kept.
+  /// From nothing (or `initial`): each model in question is fitted, the better explanation is kept and the other followed for a while.
   void start(const Observation& observation, const PoseVector* initial, bool exact) {
-    Solution best;
     Candidate* chosen = person ? person : &candidates.front();
-    int iterations = 0;
-    for (Candidate& c : candidates) {
-      if (person && &c != person) continue;  // the person who was lost is looked for with the body that is known
-      Solution s = solve(c, observation, initial);
-      iterations += s.iterations;
-      if (&c == &candidates.front() || &c == person || s.report.energy < best.report.energy) best = s, chosen = &c;
+    Solution best = solve(*chosen, observation, initial);
+    int iterations = best.iterations;
+    rival = nullptr;
+    if (!person) {  // somebody who was lost is looked for with the body that is known
+      for (std::size_t i = 1; i < candidates.size(); ++i) {
+        Solution other = solve(candidates[i], observation, initial);
+        iterations += other.iterations;
+        if (other.found && (!best.found || other.report.energy < best.report.energy)) {
+          std::swap(best, other);
+          chosen = &candidates[i];
+          rival = &candidates.front();
+        } else {
+          rival = &candidates[i];
+        }
+        if (!other.found || other.report.energy > kRivalShare * best.report.energy) rival = nullptr;
+        if (rival) adopt(*rival, observation, other);
+      }
     }
     best.iterations = iterations;
-    // Several models went through: the winner's buffers already hold its own solution.
     following = best.found;
     bad_frames = 0;
     if (best.found) {
       person = chosen;
       adopt(*chosen, observation, best);
+      person_energy = rival_energy = 0;
+      rival_frames = 0;
+    } else {
+      rival = nullptr;
     }
     fill(*chosen, observation, best, best.found ? FitState::estimated : FitState::lost, exact);
+  }
+
+  Solution follow(Candidate& c, const Observation& observation) {
+    Solution s = c.booth ? c.booth->track(observation) : c.paper->step(observation, *field, Random(settings.seed, observation.frame), nullptr);
+    if (s.found && c.paper) c.paper->adopt(s);
+    return s;
+  }
+
+  /// Both models go on; the one whose energy, summed over the frames so far, is lower speaks. `ours` is the person's solution of this frame.
+  void compare_with_rival(const Observation& observation, Solution& ours) {
+    Solution theirs = follow(*rival, observation);
+    if (!theirs.found) {
+      rival = nullptr;
+      return;
+    }
+    person_energy += ours.report.energy;
+    rival_energy += theirs.report.energy;
+    if (rival_energy < person_energy) {
+      std::swap(person, rival);
+      std::swap(person_energy, rival_energy);
+      std::swap(ours, theirs);
+    }
+    if (++rival_frames == kRivalFrames) rival = nullptr;
   }
 
   void fill(Candidate& c, const Observation& observation, const Solution& s, FitState state, bool exact) {
@@ -116,7 +157,7 @@ struct Estimator::Impl {
       result.energy.cloud_to_model = s.report.data;
       result.energy.free_space = s.report.free_space;
       if (state != FitState::lost) c.diagnostics->covariance(c.booth->refiner().information(), result);
-      result.body_accepted = c.booth->shape_settled();
+      result.body_accepted = c.booth->shape_settled() && !rival;
     } else {
       std::vector<float>& particle = scratch;
       particle.resize(static_cast<std::size_t>(c.paper->energy().dimensions()));
@@ -135,23 +176,22 @@ struct Estimator::Impl {
   std::vector<float> scratch;
 
   void step(const Observation& observation) {
-    if (field) field->build(observation.cloud, pool);
+    if (field) field->rebuild(observation.cloud, pool);
     if (following) {
-      Candidate& c = *person;
-      const Solution s = c.booth ? c.booth->track(observation) : c.paper->step(observation, *field, Random(settings.seed, observation.frame), nullptr);
+      Solution s = follow(*person, observation);
       if (s.found) {
-        if (c.paper) c.paper->adopt(s);
+        if (rival) compare_with_rival(observation, s);
         bad_frames = 0;
-        fill(c, observation, s, FitState::tracked, false);
+        fill(*person, observation, s, FitState::tracked, false);
         return;
       }
       if (++bad_frames < kBadFramesUntilSearch) {
-        fill(c, observation, s, FitState::lost, false);
+        fill(*person, observation, s, FitState::lost, false);
         return;
       }
       following = false;
-      if (c.booth) c.booth->lose();
-      else c.paper->reset();
+      if (person->booth) person->booth->lose();
+      else person->paper->reset();
     }
     start(observation, nullptr, false);
   }
@@ -170,7 +210,7 @@ const FitResult& Estimator::step(const Observation& observation) {
 
 const FitResult& Estimator::fit(const Observation& observation, const PoseVector* initial) {
   impl_->reset();
-  if (impl_->field) impl_->field->build(observation.cloud, impl_->pool);
+  if (impl_->field) impl_->field->rebuild(observation.cloud, impl_->pool);
   impl_->start(observation, initial, true);
   return impl_->result;
 }

@@ -19,8 +19,8 @@ double bone_energy(const Points3& vectors) {
 double pose_energy(const PosePrior& prior, const PoseVector& q) {
   const PoseAngles d = q.tail<kPoseDofs>() - prior.mean;
   // |d|^2 less the part inside the subspace; clamped, since rounding may take it below zero.
-  const double inside = (prior.components.transpose() * d).squaredNorm();
-  return std::max(0.0, d.squaredNorm() - inside);
+  const Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kPoseDofs, 1> inside = prior.components.transpose() * d;  // bounded size: no heap
+  return std::max(0.0, d.squaredNorm() - inside.squaredNorm());
 }
 
 double point_energy(const Eigen::Vector3f& vertex, const Eigen::Vector3f& nearest) { return static_cast<double>((vertex - nearest).norm()) * kMillimetres; }

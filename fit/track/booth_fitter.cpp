@@ -95,14 +95,14 @@ Solution BoothFitter::start(const Observation& observation, const PoseVector* in
       s.report = coarse_.refine(observation, weights_, coarse_schedule_, nothing, no_belief_, nullptr, s.q, s.beta);
       iterations += s.report.iterations;
     }
-    std::stable_sort(solutions_.begin(), end, by_energy);
+    std::sort(solutions_.begin(), end, by_energy);
     const auto finalists = solutions_.begin() + std::min<std::ptrdiff_t>(kFinalists, end - solutions_.begin());
     middle_schedule_.shape = !known;
     for (auto s = solutions_.begin(); s != finalists; ++s) {
       s->report = coarse_.refine(observation, weights_, middle_schedule_, nothing, no_belief_, nullptr, s->q, s->beta);
       iterations += s->report.iterations;
     }
-    std::stable_sort(solutions_.begin(), finalists, by_energy);
+    std::sort(solutions_.begin(), finalists, by_energy);
     best.q = solutions_.front().q;
     if (!known) best.beta.head(coarse_.shape_count()) = solutions_.front().beta;
   }
