@@ -1,6 +1,7 @@
 // Rules for the joints of the base body, and non-negative least squares over growing neighbourhoods for any body.
 #include "fit/train/joints.hpp"
 
+#include <algorithm>
 #include <flann/flann.hpp>
 #include <map>
 #include <stdexcept>
@@ -40,6 +41,8 @@ constexpr double kRootAboveHips = 1.095;   // of the way from the hips' middle t
 constexpr double kSpinePivot = 0.1457;     // of the way from the root to the chest top: 5.1 of 34.9 cm
 constexpr double kChestTop = 0.5;          // between spine-1 and neck: level of the collar bones' inner ends
 constexpr double kNeckPivot = 0.251;       // of the way from the chest top to the head base: 4.8 of 19.0 cm
+constexpr double kToeEnd = 0.6;            // of the way from the toes' base to the point before the toes: 5 cm
+constexpr double kHeadTop = 0.85;          // of the way from the head's base to the point above the crown: 2 cm below the skin
 constexpr double kHandStub = 1.0 / 3;      // of the way from the wrist to the middle knuckle: 3.7 cm
 
 }  // namespace
@@ -52,7 +55,7 @@ std::vector<SparseRow> joint_rows(const BaseBody& base) {
     joint[side + "knee"] = rules.cube(side + "-knee");
     joint[side + "ankle"] = rules.cube(side + "-ankle");
     joint[side + "foot_end"] = rules.cube(side + "-foot-1");
-    joint[side + "toe_end"] = rules.cube(side + "-foot-2");
+    joint[side + "toe_end"] = between(rules.cube(side + "-foot-1"), rules.cube(side + "-foot-2"), kToeEnd);
     joint[side + "shoulder"] = rules.cube(side + "-shoulder");
     joint[side + "elbow"] = rules.cube(side + "-elbow");
     joint[side + "wrist"] = rules.cube(side + "-hand");
@@ -62,7 +65,7 @@ std::vector<SparseRow> joint_rows(const BaseBody& base) {
   joint["chest_top"] = between(rules.cube("spine-1"), rules.cube("neck"), kChestTop);
   joint["spine_pivot"] = between(joint["root"], joint["chest_top"], kSpinePivot);
   joint["head_base"] = rules.cube("head");
-  joint["head_top"] = rules.cube("head-2");
+  joint["head_top"] = between(rules.cube("head"), rules.cube("head-2"), kHeadTop);
   joint["neck_pivot"] = between(joint["chest_top"], joint["head_base"], kNeckPivot);
 
   std::vector<SparseRow> rows;
@@ -77,6 +80,8 @@ std::vector<SparseRow> joint_rows(const BaseBody& base) {
 }
 
 namespace {
+
+constexpr std::size_t kLeastNeighbours = 256, kMostNeighbours = 768;
 
 /// Normal equations of sum_l w_l (v_l - J) = 0 with a heavy sum_l w_l = 1; solved and normalised.
 Eigen::VectorXd solve_row(Eigen::MatrixXd gram) {
@@ -113,10 +118,10 @@ Eigen::MatrixXd train_joint_regressor(const RegressorInput& input) {
       Eigen::Matrix3Xd offset(3, static_cast<Eigen::Index>(k));
       for (std::size_t i = 0; i < k; ++i) offset.col(static_cast<Eigen::Index>(i)) = input.mean.col(near[i]).cast<double>() - target;
       w = solve_row(offset.transpose() * offset);
-      if ((offset * w).norm() < 1e-3 || k == static_cast<std::size_t>(count)) {
+      if ((offset * w).norm() < 1e-3 || k >= kMostNeighbours || k == static_cast<std::size_t>(count)) {
         if (!input.bodies) break;
         // Over all bodies a wider ring pays: shape changes are told apart by more vertices than a single point needs.
-        const std::size_t wide = std::min(std::max<std::size_t>(2 * k, 160), static_cast<std::size_t>(count));
+        const std::size_t wide = std::min({std::max<std::size_t>(2 * k, kLeastNeighbours), kMostNeighbours, static_cast<std::size_t>(count)});
         if (near.size() < wide) {
           found.resize(wide);
           distance.resize(wide);
@@ -132,10 +137,15 @@ Eigen::MatrixXd train_joint_regressor(const RegressorInput& input) {
       const auto& bodies = *input.bodies;
       const Eigen::Index k = static_cast<Eigen::Index>(near.size());
       Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(k, k);
-      Eigen::MatrixXd rows(3, k);
-      for (Eigen::Index b = 0; b < bodies.cols(); ++b) {
-        const Eigen::Vector3d j = bodies.col(b).segment<3>(3 * (count + joint)).cast<double>();
-        for (Eigen::Index i = 0; i < k; ++i) rows.col(i) = bodies.col(b).segment<3>(3 * near[static_cast<std::size_t>(i)]).cast<double>() - j;
+      constexpr Eigen::Index kBatch = 64;  // bodies whose rows are summed at once
+      for (Eigen::Index first = 0; first < bodies.cols(); first += kBatch) {
+        const Eigen::Index batch = std::min(kBatch, bodies.cols() - first);
+        Eigen::MatrixXd rows(3 * batch, k);
+        for (Eigen::Index b = 0; b < batch; ++b) {
+          const auto body = bodies.col(first + b);
+          const Eigen::Vector3d j = body.segment<3>(3 * (count + joint)).cast<double>();
+          for (Eigen::Index i = 0; i < k; ++i) rows.col(i).segment<3>(3 * b) = body.segment<3>(3 * near[static_cast<std::size_t>(i)]).cast<double>() - j;
+        }
         gram.selfadjointView<Eigen::Lower>().rankUpdate(rows.transpose());
       }
       w = solve_row(Eigen::MatrixXd(gram.selfadjointView<Eigen::Lower>()) / static_cast<double>(bodies.cols()));

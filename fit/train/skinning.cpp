@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <numeric>
+#include <string>
 #include <string_view>
 
 namespace booth::fit::train {
@@ -24,7 +25,9 @@ constexpr std::array<Rule, 21> kRules{{
 
 int our_bone(std::string_view pattern, bool left) {
   if (!pattern.starts_with('*')) return bone_index(pattern);
-  return bone_index((left ? "l" : "r") + std::string(pattern.substr(1)));
+  std::string name(pattern);
+  name[0] = left ? 'l' : 'r';
+  return bone_index(name);
 }
 
 constexpr int kSmoothingSteps = 3;
