@@ -31,7 +31,7 @@ bool begins_with_a_sentence(const std::string& contents) {
   std::string text, line;
   while (std::getline(in, line) && line.rfind("//", 0) == 0) text += line.substr(2) + " ";
   while (!text.empty() && text.back() == ' ') text.pop_back();
-  return text.size() > 20 && text.find('.') != std::string::npos;
+  return text.size() > 12 && text.find('.') != std::string::npos;
 }
 
 TEST(Habits, EachFileSaysInOneSentenceWhyItExists) {
