@@ -1,6 +1,7 @@
 // Where the daemon's frames and units meet the estimator's.
 #include "daemon/pipeline/estimator_fitter.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <chrono>
 

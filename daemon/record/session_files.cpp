@@ -222,9 +222,9 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
     const LatencySummary& l = info.latency;
     j["latency_ms"] = {{"p50", ms(l.p50_ms)}, {"p95", ms(l.p95_ms)}, {"p99", ms(l.p99_ms)}, {"max", ms(l.max_ms)}, {"mean", ms(l.mean_ms)}};
   }
-  if (info.latency.count > 0) {
-    for (std::size_t s = 0; s < kStages; ++s) {
-      if (info.stages[s].count > 0) j["stage_ms"][kStageNames[s]] = {{"p50", ms(info.stages[s].p50_ms)}, {"p99", ms(info.stages[s].p99_ms)}, {"max", ms(info.stages[s].max_ms)}};
+  for (std::size_t s = 0; s < kStages; ++s) {
+    if (info.stages[s].count > 0) {
+      j["stage_ms"][kStageNames[s]] = {{"p50", ms(info.stages[s].p50_ms)}, {"p99", ms(info.stages[s].p99_ms)}, {"max", ms(info.stages[s].max_ms)}};
     }
   }
   j["residual"] = {{"mean", round_to(out.residual_mean, 1e-6)}, {"p95", round_to(out.residual_p95, 1e-6)}};

@@ -1,6 +1,7 @@
 // Joints against joints in every frame; surfaces against each other, both ways, in some.
 #include "daemon/record/truth_error.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 

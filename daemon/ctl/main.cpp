@@ -1,0 +1,51 @@
+// boothctl: the one command a person types.
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <iostream>
+
+#include "daemon/ctl/verbs.hpp"
+#if BOOTHCTL_FIT
+#include "daemon/ctl/fit_verb.hpp"
+#endif
+#if BOOTHCTL_MODEL
+#include "daemon/ctl/model_verb.hpp"
+#endif
+#if BOOTHCTL_SIMULATE
+#include "daemon/ctl/simulate_verb.hpp"
+#endif
+
+int main(int argc, char** argv) {
+  using namespace booth::daemon;
+  constexpr int kUsage = 64;
+  CLI::App app{"Talks to boothd, and does by itself what needs no daemon.", "boothctl"};
+  app.set_version_flag("--version", "boothctl " BOOTHD_VERSION);
+  app.require_subcommand(1);
+  add_status_verb(app);
+  add_start_stop_verbs(app);
+  add_watch_verb(app);
+  add_track_verb(app);
+#if BOOTHCTL_FIT
+  add_fit_verb(app);
+#endif
+#if BOOTHCTL_SIMULATE
+  add_simulate_verb(app);
+#endif
+#if BOOTHCTL_MODEL
+  add_model_verbs(app);
+#endif
+  add_bench_verb(app);
+  add_config_verb(app);
+  std::signal(SIGPIPE, SIG_IGN);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : kUsage;
+  } catch (const VerbFailure& e) {
+    std::cerr << "boothctl: " << e.what() << "\n";
+    return e.status;
+  } catch (const std::exception& e) {
+    std::cerr << "boothctl: " << e.what() << "\n";
+    return 1;
+  }
+  return 0;
+}

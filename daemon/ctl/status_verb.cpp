@@ -1,0 +1,73 @@
+// boothctl status: what boothd says of itself, for people or as JSON.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "daemon/ctl/control_client.hpp"
+#include "daemon/ctl/verbs.hpp"
+
+namespace booth::daemon {
+namespace {
+
+struct Options {
+  std::string socket;
+  bool json = false, watch = false;
+};
+
+using Json = nlohmann::json;
+
+std::string for_people(const Json& s) {
+  std::string out = fmt::format("state      {}{}{}{}\n", s.value("state", "?"), s.value("paused", false) ? ", paused: too few cameras" : "",
+                                s.value("degraded", false) ? ", degraded: a camera is missing" : "", s.value("emergency_latched", false) ? ", emergency stop pressed" : "");
+  if (const std::string alarm = s.value("alarm", ""); !alarm.empty()) out += "alarm      " + alarm + "\n";
+  if (const std::string remark = s.value("remark", ""); !remark.empty()) out += "remark     " + remark + "\n";
+  for (const Json& c : s.value("cameras", Json::array())) {
+    out += fmt::format("camera     {:<14} {:<9} {:>5.1f} frames/s, {} dropped, {} restarts{}\n", c.value("name", "?"), c.value("state", "?"), c.value("fps", 0.0),
+                       c.value("dropped", 0), c.value("restarts", 0), c.value("problem", "").empty() ? "" : ": " + c.value("problem", ""));
+  }
+  if (s.value("frames", 0) > 0) {
+    const Json latency = s.value("latency_ms", Json::object());
+    out += fmt::format("fit        {} frames, {:.1f} frames/s, latency {:.0f} ms (99 %: {:.0f} ms), {} groups dropped", s.value("frames", 0), s.value("fps", 0.0),
+                       latency.value("p50", 0.0), latency.value("p99", 0.0), s.value("groups_dropped", 0));
+    if (s.contains("residual")) out += fmt::format(", residual {:.1f} mm", 1e3 * s.value("residual", 0.0));
+    out += "\n";
+  }
+  if (const std::string folder = s.value("session_folder", ""); !folder.empty()) out += "session    " + folder + "\n";
+  return out;
+}
+
+void run(const Options& options) {
+  ControlClient client(control_socket_path(options.socket));
+  const bool terminal = ::isatty(STDOUT_FILENO);
+  while (true) {
+    const std::string line = client.ask(R"({"request":"status"})");
+    if (options.json) {
+      std::cout << line << std::endl;
+    } else {
+      const Json status = Json::parse(line, nullptr, false);
+      if (!status.is_object()) throw VerbFailure("boothd gave an answer that is not JSON");
+      if (options.watch && terminal) std::cout << "\033[H\033[2J";
+      std::cout << for_people(status) << std::flush;
+    }
+    if (!options.watch) return;
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+  }
+}
+
+}  // namespace
+
+void add_status_verb(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  CLI::App* verb = app.add_subcommand("status", "What boothd is doing: state, cameras, fit, session");
+  verb->add_option("--socket", options->socket, "Control socket of boothd");
+  verb->add_flag("--json", options->json, "One JSON object a line");
+  verb->add_flag("--watch", options->watch, "Again every second, until interrupted");
+  verb->callback([options] { run(*options); });
+}
+
+}  // namespace booth::daemon

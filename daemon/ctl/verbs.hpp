@@ -1,0 +1,26 @@
+// The verbs of boothctl. Each registers itself with its options; its callback throws, and main() turns what it throws into a sentence and a status.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace CLI {
+class App;
+}
+
+namespace booth::daemon {
+
+/// Ends boothctl with this status after the text was printed to stderr.
+struct VerbFailure : std::runtime_error {
+  explicit VerbFailure(const std::string& text, int s = 1) : std::runtime_error(text), status(s) {}
+  int status;
+};
+
+void add_status_verb(CLI::App& app);       ///< status
+void add_start_stop_verbs(CLI::App& app);  ///< start, stop
+void add_watch_verb(CLI::App& app);        ///< watch
+void add_track_verb(CLI::App& app);        ///< track
+void add_bench_verb(CLI::App& app);        ///< bench signature
+void add_config_verb(CLI::App& app);       ///< config reference
+
+}  // namespace booth::daemon

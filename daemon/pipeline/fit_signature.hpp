@@ -1,0 +1,31 @@
+// One number for everything that the fit computes: whoever changes the mathematics sees it change.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "daemon/pipeline/frame_record.hpp"
+
+namespace booth::daemon {
+
+/// FNV-1a over the bits of q, beta and the state of each frame, in order.
+class FitSignature {
+ public:
+  void add(const FrameRecord& frame);
+  /// 16 hexadecimal digits.
+  std::string text() const;
+  std::uint64_t frames() const { return frames_; }
+
+ private:
+  void add_bytes(const void* data, std::size_t size);
+  std::uint64_t hash_ = 0xcbf29ce484222325u;
+  std::uint64_t frames_ = 0;
+};
+
+/// The golden frames: the simulated booth (test:1, showcase, Kinect v2 noise, seed 1), rendered on the fly from the committed models, fitted
+/// with `threads` threads. Throws as make_fit_setup().
+std::string golden_signature(int threads, int frames);
+
+inline constexpr int kGoldenFrames = 30;
+
+}  // namespace booth::daemon

@@ -1,0 +1,138 @@
+// Mistakes in a configuration are named by file, line and key, with what is allowed; what is right is taken over.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sstream>
+
+#include "daemon/config/keys.hpp"
+#include "daemon/config/load.hpp"
+#include "tests/daemon/support/temporary_folder.hpp"
+
+namespace booth::daemon {
+namespace {
+
+using tests::TemporaryFolder;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+std::vector<std::string> problems_of(const ConfigSources& sources) {
+  try {
+    load_config(sources);
+  } catch (const ConfigError& e) {
+    return e.problems();
+  }
+  return {};
+}
+
+std::vector<std::string> problems_of(const std::string& text) {
+  TemporaryFolder folder;
+  auto problems = problems_of({.file = folder.write("b.toml", text), .assignments = {}});
+  for (auto& p : problems) {
+    const std::string prefix = folder.path.string() + "/";
+    if (p.starts_with(prefix)) p.erase(0, prefix.size());
+  }
+  return problems;
+}
+
+TEST(Config, TakesValuesOfEveryType) {
+  TemporaryFolder folder;
+  const Config c = load_config({.file = folder.write("b.toml",
+                                                     "[booth]\nid = \"lobby-2\"\n[stage]\nradius = 1.5\nheight = 2\n[dds]\nmulticast = false\npeers = [\"a\", \"10.0.0.2\"]\n"
+                                                     "[cameras]\nsynthetic.count = 3\n"),
+                                .assignments = {}});
+  EXPECT_EQ(c.booth.id, "lobby-2");
+  EXPECT_EQ(c.stage.radius, 1.5);
+  EXPECT_EQ(c.stage.height, 2.0) << "a whole number is a number";
+  EXPECT_FALSE(c.dds.multicast);
+  EXPECT_THAT(c.dds.peers, ElementsAre("a", "10.0.0.2"));
+  EXPECT_EQ(c.cameras.synthetic.count, 3);
+}
+
+TEST(Config, LaterSourcesWin) {
+  TemporaryFolder folder;
+  const auto file = folder.write("b.toml", "[fit]\nthreads = 3\nseed = 5\n[booth]\nid = \"a\"\n");
+  folder.write("b.toml.d/20-b.toml", "[fit]\nthreads = 5\n");
+  folder.write("b.toml.d/10-a.toml", "[fit]\nthreads = 4\n[booth]\nid = \"b\"\n");
+  folder.write("b.toml.d/30-not-toml.conf", "garbage");
+  const Config c = load_config({.file = file, .assignments = {"booth.id=c", "stage.radius=1.25"}});
+  EXPECT_EQ(c.fit.threads, 5);
+  EXPECT_EQ(c.fit.seed, 5);
+  EXPECT_EQ(c.booth.id, "c");
+  EXPECT_EQ(c.stage.radius, 1.25);
+}
+
+TEST(Config, NamesFileLineKeyAndWhatIsAllowed) {
+  EXPECT_THAT(problems_of("[stage]\n\nradius = 50\n"), ElementsAre("b.toml:3: stage.radius: 50 is out of range; allowed is a number from 0.5 to 5"));
+  EXPECT_THAT(problems_of("[fit]\npreset = \"best\"\n"), ElementsAre("b.toml:2: fit.preset: \"best\" is not known; allowed is one of \"booth\", \"paper\""));
+  EXPECT_THAT(problems_of("[fit]\nthreads = \"two\"\n"), ElementsAre("b.toml:2: fit.threads: has the wrong type; allowed is a whole number from 1 to 64"));
+  EXPECT_THAT(problems_of("[fit]\nthreads = 2.0\n"), ElementsAre("b.toml:2: fit.threads: has the wrong type; allowed is a whole number from 1 to 64"));
+  EXPECT_THAT(problems_of("stage = 3\n"), ElementsAre("b.toml:1: stage: must be a table"));
+  EXPECT_THAT(problems_of("[stage]\nradius = nan\n"), ElementsAre(HasSubstr("stage.radius: nan is out of range")));
+  EXPECT_THAT(problems_of("[booth]\nid = \"a b\"\n"), ElementsAre(HasSubstr("b.toml:2: booth.id: \"a b\" must be 1 to 32 letters")));
+  EXPECT_THAT(problems_of("[dds]\npeers = [\"x\\\"/><evil\"]\n"), ElementsAre(HasSubstr("dds.peers"))) << "nothing of a value may become XML";
+}
+
+TEST(Config, SuggestsTheNearestKey) {
+  EXPECT_THAT(problems_of("[fit]\ntreads = 2\n"), ElementsAre("b.toml:2: fit.treads: is not a key of boothd; did you mean fit.threads?"));
+  EXPECT_THAT(problems_of("[booth]\nradius = 2.0\n"), ElementsAre("b.toml:2: booth.radius: is not a key of boothd; did you mean stage.radius?"));
+  EXPECT_THAT(problems_of("qqqqqqqqqqqqqqqq = 2\n"), ElementsAre("b.toml:1: qqqqqqqqqqqqqqqq: is not a key of boothd"));
+}
+
+TEST(Config, ReportsAllProblemsOfAllSources) {
+  TemporaryFolder folder;
+  const auto file = folder.write("b.toml", "[fit]\nthreads = 0\nseed = -1\n");
+  folder.write("b.toml.d/x.toml", "[dds]\ndomain = 233\n");
+  EXPECT_EQ(problems_of({.file = file, .assignments = {"no-equals", "fit.threads=two", "nothing.such=1"}}).size(), 6u);
+}
+
+TEST(Config, SaysWhereTomlIsBroken) {
+  EXPECT_THAT(problems_of("[fit]\nthreads = = 2\n"), ElementsAre(HasSubstr("b.toml:2: not TOML: ")));
+  EXPECT_THAT(problems_of({.file = "/nonexistent/b.toml", .assignments = {}}), ElementsAre(HasSubstr("/nonexistent/b.toml: cannot be read: ")));
+}
+
+TEST(Config, RefusesWhatThisBuildCannotDo) {
+  try {
+    load_config({.file = {}, .assignments = {"cameras.driver=kinect2"}});
+    FAIL() << "accepted";
+  } catch (const ConfigError& e) {
+    EXPECT_TRUE(e.only_device_absent);
+    EXPECT_THAT(e.what(), HasSubstr("cameras.driver: \"kinect2\" is not in this build; allowed is one of \"synthetic\", \"recording\""));
+  }
+  try {
+    load_config({.file = {}, .assignments = {"dds.security=on"}});
+    FAIL() << "accepted";
+  } catch (const ConfigError& e) {
+    EXPECT_FALSE(e.only_device_absent);
+    EXPECT_THAT(e.what(), HasSubstr("not in this build"));
+  }
+}
+
+TEST(Config, ChecksWhatBelongsTogether) {
+  EXPECT_THAT(problems_of({.file = {}, .assignments = {"cameras.driver=recording"}}), ElementsAre(HasSubstr("cameras.recording.path: must name a recording")));
+  EXPECT_THAT(problems_of({.file = {}, .assignments = {"cameras.synthetic.count=1"}}), ElementsAre(HasSubstr("cameras.minimum: is 2")));
+}
+
+TEST(Config, PrintsWhatItWouldReadAgain) {
+  TemporaryFolder folder;
+  const Config before = load_config({.file = {}, .assignments = {"stage.radius=1.7", "booth.id=x", "dds.peers=[\"a\",\"b\"]", "cameras.recording.path=a \"quoted\" \\ path"}});
+  std::ostringstream text;
+  print_config(before, text);
+  const Config after = load_config({.file = folder.write("again.toml", text.str()), .assignments = {}});
+  for (const ConfigKey& key : config_keys()) EXPECT_EQ(format_config_value(key, before), format_config_value(key, after)) << key.name;
+}
+
+TEST(Config, EveryDefaultIsAllowed) {
+  TemporaryFolder folder;
+  std::ostringstream text;
+  print_config(Config{}, text);
+  EXPECT_THAT(problems_of({.file = folder.write("d.toml", text.str()), .assignments = {}}), ElementsAre());
+}
+
+TEST(Config, TheReferencePageIsTheTable) {
+  std::ostringstream page;
+  print_config_reference(page);
+  EXPECT_EQ(tests::read_text(BOOTH_SOURCE_DIR "/docs/reference/configuration.md"), page.str()) << "run: boothctl config reference > docs/reference/configuration.md";
+}
+
+}  // namespace
+}  // namespace booth::daemon

@@ -1,0 +1,188 @@
+// boothd and boothctl as programs: exit statuses, a whole session on the simulated booth, SIGTERM in the middle of one.
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "daemon/ctl/control_client.hpp"
+#include "tests/daemon/support/fake_booth.hpp"
+#include "tests/daemon/support/temporary_folder.hpp"
+
+namespace booth::daemon {
+namespace {
+
+using namespace std::chrono_literals;
+using nlohmann::json;
+using tests::eventually;
+using tests::read_text;
+using ::testing::HasSubstr;
+
+/// A child process with its output in a file.
+class Program {
+ public:
+  Program(const std::string& name, std::vector<std::string> arguments, std::filesystem::path output) : output_(std::move(output)) {
+    arguments.insert(arguments.begin(), BOOTH_BINARY_DIR "/bin/" + name);
+    std::vector<char*> argv;
+    for (auto& a : arguments) argv.push_back(a.data());
+    argv.push_back(nullptr);
+    pid_ = ::fork();
+    if (pid_ == 0) {
+      const int fd = ::open(output_.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
+      ::dup2(fd, STDOUT_FILENO);
+      ::dup2(fd, STDERR_FILENO);
+      ::execv(argv[0], argv.data());
+      ::_exit(127);
+    }
+  }
+  ~Program() {
+    if (pid_ > 0) {
+      ::kill(pid_, SIGKILL);
+      ::waitpid(pid_, nullptr, 0);
+    }
+  }
+  void signal(int s) { ::kill(pid_, s); }
+  /// Exit status, -1 when it was killed or does not end in time.
+  int wait(std::chrono::seconds limit = 60s) {
+    int status = 0;
+    if (!eventually([&] { return ::waitpid(pid_, &status, WNOHANG) == pid_; }, limit)) return -1;
+    pid_ = -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  std::string output() const { return read_text(output_); }
+
+ private:
+  std::filesystem::path output_;
+  pid_t pid_ = -1;
+};
+
+struct ProgramTest : ::testing::Test {
+  int run(const std::string& name, const std::vector<std::string>& arguments) {
+    Program program(name, arguments, folder.path / "output");
+    const int status = program.wait();
+    output = program.output();
+    return status;
+  }
+  std::vector<std::string> daemon_arguments() const {
+    std::vector<std::string> out;
+    for (const std::string& s : {"control.socket=" + socket, "session.directory=" + sessions.string(), std::string("dds.interface=lo"), std::string("dds.multicast=false"),
+                                 std::string("dds.domain=78"), std::string("cameras.synthetic.motion=a-pose")}) {
+      out.push_back("--set");
+      out.push_back(s);
+    }
+    return out;
+  }
+  json ask(const std::string& what) {
+    ControlClient client(socket);
+    return json::parse(client.ask(json{{"request", what}}.dump()));
+  }
+  bool is_ready() {
+    return eventually(
+        [&] {
+          try {
+            return ask("status")["state"] == "idle";
+          } catch (const std::exception&) {
+            return false;
+          }
+        },
+        60s);
+  }
+
+  tests::TemporaryFolder folder;
+  std::string socket = (folder.path / "c.sock").string(), output;
+  std::filesystem::path sessions = folder.path / "sessions";
+};
+
+TEST_F(ProgramTest, ExitStatuses) {
+  EXPECT_EQ(run("boothd", {"--version"}), 0);
+  EXPECT_THAT(output, HasSubstr("boothd "));
+  EXPECT_EQ(run("boothd", {"--help"}), 0);
+  EXPECT_EQ(run("boothd", {"--nonsense"}), 64);
+  EXPECT_EQ(run("boothd", {"--config", folder.write("b.toml", "[stage]\nradius = \"wide\"\n").string()}), 78);
+  EXPECT_THAT(output, HasSubstr("b.toml:2: stage.radius: has the wrong type"));
+  EXPECT_EQ(run("boothd", {"--set", "cameras.driver=kinect2"}), 69);
+  EXPECT_THAT(output, HasSubstr("not in this build"));
+  EXPECT_EQ(run("boothd", {"--set", "cameras.driver=recording", "--set", "cameras.recording.path=/nonexistent"}), 69);
+  EXPECT_EQ(run("boothd", {"--set", "models.directory=/nonexistent"}), 69) << "the simulated booth needs the models, too";
+  EXPECT_EQ(run("boothctl", {"status", "--socket", socket}), 1);
+  EXPECT_THAT(output, HasSubstr("boothd is not running"));
+  EXPECT_EQ(run("boothctl", {"dance"}), 64);
+  EXPECT_EQ(run("boothctl", {"track", "/nonexistent"}), 1);
+}
+
+TEST_F(ProgramTest, ATruncatedRecordingIsOneSentence) {
+  folder.write("rec/metadata.yaml", "rosbag2_bagfile_information:\n  version: 5\n  stor");
+  folder.write("rec/rec_0.db3", std::string("SQLite format 3\0garbage", 23));
+  EXPECT_EQ(run("boothd", {"--set", "cameras.driver=recording", "--set", "cameras.recording.path=" + (folder.path / "rec").string()}), 69);
+  EXPECT_EQ(std::count(output.begin(), output.end(), '\n'), 1) << output;
+  EXPECT_EQ(run("boothctl", {"track", (folder.path / "rec").string(), "--out", (folder.path / "out").string()}), 1);
+  EXPECT_EQ(std::count(output.begin(), output.end(), '\n'), 1) << output;
+}
+
+TEST_F(ProgramTest, CheckConfigPrintsThePlan) {
+  EXPECT_EQ(run("boothd", {"--check-config", "--set", "booth.id=lobby"}), 0) << output;
+  EXPECT_THAT(output, HasSubstr("id = \"lobby\""));
+  EXPECT_THAT(output, HasSubstr("depth frame slots"));
+  EXPECT_THAT(output, HasSubstr("estimator"));
+  EXPECT_THAT(output, HasSubstr("total"));
+}
+
+TEST_F(ProgramTest, SigtermInTheMiddleOfASessionSavesIt) {
+  Program boothd("boothd", daemon_arguments(), folder.path / "boothd.log");
+  ASSERT_TRUE(is_ready()) << boothd.output();
+  EXPECT_EQ(run("boothd", daemon_arguments()), 69) << "a second daemon on the same socket";
+  EXPECT_THAT(output, HasSubstr("another boothd is running"));
+  EXPECT_EQ(ask("start")["ok"], true);
+  ASSERT_TRUE(eventually([&] { return ask("status")["frames"].get<int>() >= 3; }, 60s)) << ask("status").dump(2);
+  const std::filesystem::path session = ask("status")["session_folder"].get<std::string>();
+  EXPECT_EQ(run("boothctl", {"status", "--socket", socket}), 0);
+  EXPECT_THAT(output, HasSubstr("front-left"));
+  boothd.signal(SIGHUP);
+  boothd.signal(SIGTERM);
+  EXPECT_EQ(boothd.wait(), 0) << boothd.output();
+  const json j = json::parse(read_text(session / "session.json"));
+  EXPECT_EQ(j["result"], "complete");
+  EXPECT_GE(j["frames"].get<int>(), 3);
+  EXPECT_TRUE(std::filesystem::exists(session / "skeleton.csv"));
+  EXPECT_FALSE(std::filesystem::exists(socket));
+}
+
+TEST_F(ProgramTest, AKilledDaemonsSessionIsMarkedInterrupted) {
+  std::filesystem::path session;
+  {
+    Program boothd("boothd", daemon_arguments(), folder.path / "boothd.log");
+    ASSERT_TRUE(is_ready()) << boothd.output();
+    ask("start");
+    ASSERT_TRUE(eventually([&] { return ask("status")["frames"].get<int>() >= 3; }, 60s));
+    session = ask("status")["session_folder"].get<std::string>();
+    std::this_thread::sleep_for(200ms);
+    boothd.signal(SIGKILL);
+    EXPECT_EQ(boothd.wait(), -1);
+  }
+  EXPECT_EQ(json::parse(read_text(session / "session.json"))["result"], "running");
+  Program again("boothd", daemon_arguments(), folder.path / "again.log");
+  ASSERT_TRUE(is_ready()) << again.output();
+  EXPECT_EQ(json::parse(read_text(session / "session.json"))["result"], "interrupted");
+  EXPECT_GE(json::parse(read_text(session / "session.json"))["frames"].get<int>(), 1);
+  again.signal(SIGINT);
+  EXPECT_EQ(again.wait(), 0);
+}
+
+TEST_F(ProgramTest, SystemdFindsNothingWrongWithTheUnit) {
+  if (!std::filesystem::exists("/usr/bin/systemd-analyze")) GTEST_SKIP() << "systemd-analyze is not installed";
+  std::string unit = read_text(BOOTH_SOURCE_DIR "/systemd/boothd.service");
+  const std::string installed = "ExecStart=/usr/bin/boothd";
+  ASSERT_NE(unit.find(installed), std::string::npos);
+  unit.replace(unit.find(installed), installed.size(), "ExecStart=" BOOTH_BINARY_DIR "/bin/boothd");
+  const auto file = folder.write("boothd.service", unit);
+  const int status = std::system(("systemd-analyze verify " + file.string() + " > " + (folder.path / "verify").string() + " 2>&1").c_str());
+  EXPECT_EQ(status, 0);
+  EXPECT_EQ(read_text(folder.path / "verify"), "");
+}
+
+}  // namespace
+}  // namespace booth::daemon

@@ -1,0 +1,246 @@
+// What goes out on DDS comes in again: through the loopback interface, without multicast, as in a sandbox.
+#include <dds/dds.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstring>
+#include <thread>
+
+#include "booth.h"
+#include "daemon/dds/dds_link.hpp"
+#include "drivers/clock/system_clock.hpp"
+
+namespace booth::daemon {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::HasSubstr;
+
+const DdsSettings kSettings{.booth = "test-booth", .domain = 77, .interface = "lo", .multicast = false, .peers = {}};
+
+/// Another program on the domain.
+class Peer {
+ public:
+  explicit Peer(const char* partition = "test-booth") : participant_(dds_create_participant(77, nullptr, nullptr)) {
+    dds_qos_t* qos = dds_create_qos();
+    dds_qset_partition(qos, 1, &partition);
+    subscriber_ = dds_create_subscriber(participant_, qos, nullptr);
+    publisher_ = dds_create_publisher(participant_, qos, nullptr);
+    dds_delete_qos(qos);
+  }
+  ~Peer() { dds_delete(participant_); }
+
+  dds_entity_t reader(const dds_topic_descriptor_t& type, const char* topic, bool reliable, bool transient) {
+    dds_qos_t* qos = dds_create_qos();
+    dds_qset_reliability(qos, reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT, DDS_SECS(1));
+    if (transient) dds_qset_durability(qos, DDS_DURABILITY_TRANSIENT_LOCAL);
+    dds_qset_history(qos, DDS_HISTORY_KEEP_LAST, 100);
+    const dds_entity_t out = dds_create_reader(subscriber_, dds_create_topic(participant_, &type, topic, nullptr, nullptr), qos, nullptr);
+    dds_delete_qos(qos);
+    return out;
+  }
+  dds_entity_t command_writer() {
+    dds_qos_t* qos = dds_create_qos();
+    dds_qset_reliability(qos, DDS_RELIABILITY_RELIABLE, DDS_SECS(1));
+    const dds_entity_t out = dds_create_writer(publisher_, dds_create_topic(participant_, &booth_msg_Command_desc, "booth/command", nullptr, nullptr), qos, nullptr);
+    dds_delete_qos(qos);
+    return out;
+  }
+
+  dds_entity_t participant_, subscriber_, publisher_;
+};
+
+/// Takes one sample within five seconds and lets `look` see it; false when none came.
+template <class T, class F>
+bool take(dds_entity_t reader, F look, std::chrono::milliseconds limit = 5s) {
+  const auto deadline = std::chrono::steady_clock::now() + limit;
+  while (std::chrono::steady_clock::now() < deadline) {
+    void* samples[1] = {nullptr};
+    dds_sample_info_t info[1];
+    if (dds_take(reader, samples, info, 1, 1) == 1) {
+      const bool valid = info[0].valid_data;
+      if (valid) look(*static_cast<const T*>(samples[0]));
+      dds_return_loan(reader, samples, 1);
+      if (valid) return true;
+    }
+    std::this_thread::sleep_for(2ms);
+  }
+  return false;
+}
+
+struct DdsTest : ::testing::Test {
+  drivers::SystemClock clock;
+  std::atomic<int> starts{0}, stops{0};
+  DdsLink link{kSettings, clock, [this](DdsCommand c) {
+                 ++(c == DdsCommand::start ? starts : stops);
+                 return DdsAnswer{c == DdsCommand::start, 1, c == DdsCommand::start ? "" : "no session is running"};
+               }};
+};
+
+TEST_F(DdsTest, ASkeletonArrivesWhole) {
+  Peer peer;
+  const dds_entity_t reader = peer.reader(booth_msg_Skeleton_desc, "booth/skeleton", false, false);
+  FrameRecord frame;
+  frame.sequence = 41;
+  frame.captured_ns = 123;
+  frame.captured_utc_ns = 456;
+  frame.session_state = 2;
+  frame.person = PersonState::tracked;
+  frame.sex = RecordSex::women;
+  frame.shape_count = 5;
+  frame.groups_dropped = 7;
+  frame.cameras = 4;
+  for (std::size_t i = 0; i < 36; ++i) frame.q[i] = 0.5 * static_cast<double>(i);
+  for (std::size_t i = 0; i < 5; ++i) frame.beta[i] = -static_cast<double>(i);
+  frame.joints[23] = {1, 2, 3};
+  frame.rotation[23] = {0, 0, 1, 0};
+  frame.covariance[23] = {1, 2, 3, 4, 5, 6};
+  frame.seen[23] = 1;
+  frame.residual = 0.25f;
+  // Best effort: whoever has not been found yet hears nothing, so it is said until it is heard.
+  bool heard = false;
+  for (int i = 0; i < 100 && !heard; ++i) {
+    link.publish(frame);
+    heard = take<booth_msg_Skeleton>(
+        reader,
+        [&](const booth_msg_Skeleton& s) {
+          EXPECT_STREQ(s.booth, "test-booth");
+          EXPECT_EQ(s.frame, 41u);
+          EXPECT_EQ(s.capture_monotonic_ns, 123);
+          EXPECT_EQ(s.capture_utc_ns, 456);
+          EXPECT_GT(s.publish_utc_ns, 1'700'000'000'000'000'000);
+          EXPECT_EQ(s.state, booth_msg_STATE_TRACKING);
+          EXPECT_EQ(s.person, booth_msg_PERSON_TRACKED);
+          EXPECT_EQ(s.sex, booth_msg_SEX_WOMEN);
+          EXPECT_EQ(s.q[35], 17.5);
+          ASSERT_EQ(s.beta._length, 5u);
+          EXPECT_EQ(s.beta._buffer[4], -4);
+          EXPECT_EQ(s.joints[23].position[2], 3);
+          EXPECT_EQ(s.joints[23].orientation[2], 1);
+          EXPECT_EQ(s.joints[23].covariance[5], 6);
+          EXPECT_TRUE(s.joints[23].seen);
+          EXPECT_FALSE(s.joints[0].seen);
+          EXPECT_EQ(s.residual, 0.25f);
+          EXPECT_EQ(s.cameras, 4u);
+          EXPECT_EQ(s.groups_dropped, 7u);
+        },
+        50ms);
+  }
+  EXPECT_TRUE(heard);
+  EXPECT_EQ(link.failures(), 0u) << link.last_failure();
+}
+
+TEST_F(DdsTest, IdleSamplesHoldNobody) {
+  Peer peer;
+  const dds_entity_t reader = peer.reader(booth_msg_Skeleton_desc, "booth/skeleton", false, false);
+  FrameRecord frame;
+  frame.person = PersonState::tracked;
+  frame.shape_count = 9;
+  frame.q[0] = 5;
+  link.publish(frame);
+  bool idle = false;
+  for (int i = 0; i < 100 && !idle; ++i) {
+    link.publish_idle(0);
+    take<booth_msg_Skeleton>(
+        reader,
+        [&](const booth_msg_Skeleton& s) {
+          if (s.state != booth_msg_STATE_IDLE || s.beta._length != 0) return;
+          idle = true;
+          EXPECT_EQ(s.person, booth_msg_PERSON_LOST);
+          EXPECT_EQ(s.q[0], 0) << "the last person's pose is nobody's business";
+          EXPECT_STREQ(s.booth, "test-booth");
+        },
+        50ms);
+  }
+  EXPECT_TRUE(idle);
+}
+
+TEST_F(DdsTest, BodyAndStatusReachLateJoiners) {
+  BodySample body;
+  body.session = "s1";
+  body.model_version = "men 1";
+  body.beta = {1, 2, 3};
+  body.bone_lengths[5] = 0.4;
+  body.measurements = {{"stature", 1.8}};
+  link.publish(body);
+  StatusSample status;
+  status.state = 3;
+  status.alarm = std::string(500, 'a');
+  status.cameras.push_back({.name = "front-left", .state = "running", .fps = 30, .delivered = 9, .dropped = 1, .restarts = 2});
+  link.publish(status);
+
+  Peer late;
+  EXPECT_TRUE(take<booth_msg_Body>(late.reader(booth_msg_Body_desc, "booth/body", true, true), [](const booth_msg_Body& b) {
+    EXPECT_STREQ(b.session, "s1");
+    ASSERT_EQ(b.beta._length, 3u);
+    EXPECT_EQ(b.beta._buffer[2], 3);
+    EXPECT_EQ(b.bone_lengths[5], 0.4);
+    ASSERT_EQ(b.measurements._length, 1u);
+    EXPECT_STREQ(b.measurements._buffer[0].name, "stature");
+  }));
+  EXPECT_TRUE(take<booth_msg_Status>(late.reader(booth_msg_Status_desc, "booth/status", true, true), [](const booth_msg_Status& s) {
+    EXPECT_EQ(s.state, booth_msg_STATE_SEARCHING);
+    EXPECT_EQ(std::string(s.alarm), std::string(160, 'a')) << "cut at the bound";
+    ASSERT_EQ(s.cameras._length, 1u);
+    EXPECT_STREQ(s.cameras._buffer[0].name, "front-left");
+    EXPECT_EQ(s.cameras._buffer[0].restarts, 2u);
+  }));
+}
+
+TEST_F(DdsTest, CommandsAreAnsweredWithTheirId) {
+  Peer peer;
+  const dds_entity_t replies = peer.reader(booth_msg_Reply_desc, "booth/reply", true, false);
+  const dds_entity_t writer = peer.command_writer();
+  // Volatile writers do not repeat for whom they have not met: wait for both directions.
+  for (int i = 0; i < 1000; ++i) {
+    dds_publication_matched_status_t matched{};
+    dds_get_publication_matched_status(writer, &matched);
+    dds_subscription_matched_status_t heard{};
+    dds_get_subscription_matched_status(replies, &heard);
+    if (matched.current_count > 0 && heard.current_count > 0) break;
+    std::this_thread::sleep_for(5ms);
+  }
+  booth_msg_Command command{};
+  std::strcpy(command.booth, "test-booth");
+  command.id = 77;
+  command.kind = booth_msg_COMMAND_START;
+  ASSERT_EQ(dds_write(writer, &command), 0);
+  EXPECT_TRUE(take<booth_msg_Reply>(replies, [](const booth_msg_Reply& r) {
+    EXPECT_EQ(r.id, 77u);
+    EXPECT_TRUE(r.accepted);
+    EXPECT_EQ(r.state, booth_msg_STATE_ESTIMATING);
+  }));
+  command.id = 78;
+  command.kind = booth_msg_COMMAND_STOP;
+  ASSERT_EQ(dds_write(writer, &command), 0);
+  EXPECT_TRUE(take<booth_msg_Reply>(replies, [](const booth_msg_Reply& r) {
+    EXPECT_EQ(r.id, 78u);
+    EXPECT_FALSE(r.accepted);
+    EXPECT_STREQ(r.text, "no session is running");
+  }));
+  EXPECT_EQ(starts, 1);
+  EXPECT_EQ(stops, 1);
+}
+
+TEST_F(DdsTest, AnotherBoothsCommandsAreNotHeard) {
+  Peer other("other-booth");
+  const dds_entity_t writer = other.command_writer();
+  booth_msg_Command command{};
+  std::strcpy(command.booth, "other-booth");
+  ASSERT_EQ(dds_write(writer, &command), 0);
+  std::this_thread::sleep_for(300ms);
+  EXPECT_EQ(starts, 0);
+}
+
+TEST(DdsConfiguration, SaysWhatTheKeysSay) {
+  const std::string xml = dds_configuration({.booth = "b", .domain = 0, .interface = "eth1", .multicast = false, .peers = {"10.1.1.1"}});
+  EXPECT_THAT(xml, HasSubstr("<NetworkInterface name=\"eth1\"/>"));
+  EXPECT_THAT(xml, HasSubstr("<AllowMulticast>false</AllowMulticast>"));
+  EXPECT_THAT(xml, HasSubstr("<Peer Address=\"localhost\"/><Peer Address=\"10.1.1.1\"/>"));
+  EXPECT_THAT(dds_configuration({.interface = "192.168.0.7"}), HasSubstr("address=\"192.168.0.7\""));
+  EXPECT_THAT(dds_configuration({}), ::testing::Not(HasSubstr("Peer")));
+}
+
+}  // namespace
+}  // namespace booth::daemon

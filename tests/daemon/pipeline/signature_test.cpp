@@ -1,0 +1,42 @@
+// The fit gives the bits that are checked in, on every run and for any number of threads.
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "daemon/pipeline/fit_signature.hpp"
+
+namespace booth::daemon {
+namespace {
+
+TEST(FitSignature, IsTheCommittedOne) {
+  std::ifstream file(BOOTH_SOURCE_DIR "/tests/golden/signature.txt");
+  std::string expected;
+  file >> expected;
+  ASSERT_EQ(expected.size(), 16u) << "tests/golden/signature.txt is missing";
+  EXPECT_EQ(golden_signature(2, kGoldenFrames), expected)
+      << "the fit has changed. If that is what you want, put the new value there (boothctl bench signature) and say so in the commit";
+}
+
+TEST(FitSignature, DoesNotDependOnThreads) {
+  constexpr int kFrames = 8;
+  const std::string one = golden_signature(1, kFrames);
+  EXPECT_EQ(golden_signature(3, kFrames), one);
+}
+
+TEST(FitSignature, SeesASingleBit) {
+  FrameRecord frame;
+  frame.person = PersonState::tracked;
+  frame.shape_count = 3;
+  FitSignature a, b, c;
+  a.add(frame);
+  frame.q[35] = 1e-300;
+  b.add(frame);
+  frame.q[35] = 0;
+  frame.beta[2] = 1e-300;
+  c.add(frame);
+  EXPECT_NE(a.text(), b.text());
+  EXPECT_NE(a.text(), c.text());
+}
+
+}  // namespace
+}  // namespace booth::daemon

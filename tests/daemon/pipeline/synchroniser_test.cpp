@@ -1,0 +1,227 @@
+// Grouping: all phases, jitter, a lost frame, a dying camera, one camera alone, and what time does to incomplete groups.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <random>
+#include <set>
+#include <vector>
+
+#include "daemon/pipeline/synchroniser.hpp"
+
+namespace booth::daemon {
+namespace {
+
+using namespace std::chrono_literals;
+using hal::MonotonicTime;
+using hal::Nanoseconds;
+
+constexpr Nanoseconds kPeriod(33'333'333);
+constexpr MonotonicTime at(Nanoseconds t) { return MonotonicTime(10s) + t; }
+
+struct Arrival {
+  int camera;
+  Nanoseconds captured;
+};
+
+struct Run {
+  std::vector<FrameGroup> groups;
+  std::uint64_t dropped = 0;
+};
+
+/// Plays arrivals in the order of time, each with a slot of its own, and checks what must hold always: every slot is given back or handed out exactly
+/// once, every frame lies within the window, groups come in order.
+Run play(std::vector<Arrival> arrivals, SynchroniserSettings settings, Nanoseconds delay = 10ms, Nanoseconds polling = 5ms) {
+  std::stable_sort(arrivals.begin(), arrivals.end(), [](const Arrival& a, const Arrival& b) { return a.captured < b.captured; });
+  Synchroniser synchroniser(settings);
+  Run run;
+  std::set<std::pair<int, int>> outstanding;
+  const auto take = [&](const ReleasedSlots& released) {
+    for (const auto& e : released.list()) EXPECT_EQ(outstanding.erase({e.camera, e.slot}), 1u) << "a slot was released twice";
+  };
+  const auto poll = [&](MonotonicTime now) {
+    FrameGroup group;
+    for (bool more = true; more;) {
+      ReleasedSlots released;
+      more = synchroniser.next(now, group, released);
+      take(released);
+      if (!more) break;
+      int cameras = 0;
+      for (int cam = 0; cam < settings.cameras; ++cam) {
+        const auto c = static_cast<std::size_t>(cam);
+        if (group.slot[c] < 0) continue;
+        ++cameras;
+        EXPECT_EQ(outstanding.erase({cam, group.slot[c]}), 1u) << "a frame was used twice";
+        EXPECT_LE(std::chrono::abs(group.captured[c] - group.reference), settings.window);
+      }
+      EXPECT_EQ(cameras, group.cameras);
+      EXPECT_GT(cameras, 0);
+      if (!run.groups.empty()) {
+        EXPECT_GT(group.reference, run.groups.back().reference);
+      }
+      run.groups.push_back(group);
+    }
+  };
+  int slot = 0;
+  MonotonicTime now = at(-100ms);
+  for (const Arrival& a : arrivals) {
+    for (; now < at(a.captured + delay); now += polling) poll(now);
+    outstanding.insert({a.camera, slot});
+    ReleasedSlots released;
+    synchroniser.add({a.camera, at(a.captured), slot++}, released);
+    take(released);
+    poll(at(a.captured + delay));
+  }
+  poll(MonotonicTime::max());
+  EXPECT_TRUE(outstanding.empty()) << outstanding.size() << " slots were never given back";
+  run.dropped = synchroniser.frames_dropped();
+  return run;
+}
+
+std::vector<Arrival> free_running(const std::vector<Nanoseconds>& phases, int frames, Nanoseconds jitter = 0ns, unsigned seed = 1) {
+  std::mt19937 random(seed);
+  std::uniform_int_distribution<std::int64_t> spread(-jitter.count(), jitter.count());
+  std::vector<Arrival> out;
+  for (std::size_t cam = 0; cam < phases.size(); ++cam) {
+    for (int k = 0; k < frames; ++k) out.push_back({static_cast<int>(cam), phases[cam] + k * kPeriod + Nanoseconds(spread(random))});
+  }
+  return out;
+}
+
+int with_cameras(const Run& run, int cameras) {
+  return static_cast<int>(std::count_if(run.groups.begin(), run.groups.end(), [&](const FrameGroup& g) { return g.cameras == cameras; }));
+}
+
+class EveryOrder : public ::testing::TestWithParam<GroupOrder> {};
+INSTANTIATE_TEST_SUITE_P(Synchroniser, EveryOrder, ::testing::Values(GroupOrder::newest_first, GroupOrder::oldest_first),
+                         [](const auto& p) { return p.param == GroupOrder::newest_first ? "newest_first" : "oldest_first"; });
+
+TEST_P(EveryOrder, GroupsAllFourCamerasAtEveryPhase) {
+  constexpr int kFrames = 20, kSteps = 7;
+  for (int a = 0; a < kSteps; ++a) {
+    for (int b = 0; b < kSteps; ++b) {
+      for (int c = 0; c < kSteps; ++c) {
+        const std::vector<Nanoseconds> phases{0ns, a * kPeriod / kSteps, b * kPeriod / kSteps, c * kPeriod / kSteps};
+        const Run run = play(free_running(phases, kFrames, 500us, static_cast<unsigned>(a * 49 + b * 7 + c)), {.cameras = 4, .order = GetParam()});
+        // A full group for every period but the ragged ends.
+        EXPECT_GE(with_cameras(run, 4), kFrames - 2) << a << " " << b << " " << c;
+        EXPECT_LE(run.groups.size(), kFrames + 2u);
+      }
+    }
+  }
+}
+
+TEST_P(EveryOrder, TwoCamerasInOppositePhase) {
+  const Run run = play(free_running({0ns, kPeriod / 2}, 30), {.cameras = 2, .order = GetParam()});
+  EXPECT_GE(with_cameras(run, 2), 29);
+}
+
+TEST_P(EveryOrder, OneCameraAlone) {
+  const Run run = play(free_running({3ms}, 30), {.cameras = 1, .order = GetParam()});
+  EXPECT_EQ(run.groups.size(), 30u);
+  EXPECT_EQ(run.dropped, 0u);
+}
+
+TEST_P(EveryOrder, OneCameraOfFour) {
+  auto arrivals = free_running({3ms}, 30);
+  for (auto& a : arrivals) a.camera = 2;
+  const Run run = play(arrivals, {.cameras = 4, .order = GetParam()});
+  EXPECT_GE(run.groups.size(), 24u) << "the silent three are waited for at first, then no more";
+  for (const FrameGroup& g : run.groups) EXPECT_EQ(g.slot[0], -1);
+}
+
+TEST_P(EveryOrder, ACameraThatDiesAndComesBack) {
+  auto arrivals = free_running({0ns, 8ms, 16ms, 24ms}, 60);
+  std::erase_if(arrivals, [](const Arrival& a) { return a.camera == 3 && a.captured > 20 * kPeriod && a.captured < 40 * kPeriod; });
+  const Run run = play(arrivals, {.cameras = 4, .order = GetParam()});
+  EXPECT_GE(with_cameras(run, 4), 36);
+  EXPECT_GE(with_cameras(run, 3), 15);
+  EXPECT_GE(run.groups.back().cameras, 1);
+}
+
+TEST_P(EveryOrder, ALostFrameCostsAtMostItsOwnGroup) {
+  auto arrivals = free_running({0ns, 3ms, 10ms, 20ms}, 30);
+  std::erase_if(arrivals, [](const Arrival& a) { return a.camera == 3 && a.captured == 20ms + 12 * kPeriod; });
+  const Run run = play(arrivals, {.cameras = 4, .order = GetParam()});
+  EXPECT_EQ(with_cameras(run, 4), 29);
+  if (GetParam() == GroupOrder::oldest_first) {
+    EXPECT_EQ(run.groups.size(), 30u);
+    EXPECT_EQ(run.dropped, 0u) << "offline nothing is dropped";
+  }
+}
+
+TEST(Synchroniser, WaitsForABetterGroupThanALoneFrame) {
+  // Camera 1 always comes 31.5 ms after camera 0: too late for that frame, early for the next.
+  const Run run = play(free_running({0ns, 31500us}, 30), {.cameras = 2});
+  EXPECT_GE(with_cameras(run, 2), 29);
+  EXPECT_LE(with_cameras(run, 1), 2);
+}
+
+TEST(Synchroniser, TheNewestGroupWinsWhenAskedLate) {
+  Synchroniser synchroniser({.cameras = 2});
+  ReleasedSlots released;
+  for (int k = 0; k < 3; ++k) {
+    for (int cam = 0; cam < 2; ++cam) synchroniser.add({cam, at(k * kPeriod + cam * 5ms), 10 * cam + k}, released);
+  }
+  EXPECT_EQ(released.count, 0);
+  FrameGroup group;
+  ASSERT_TRUE(synchroniser.next(at(3 * kPeriod), group, released));
+  EXPECT_EQ(group.slot[0], 2);
+  EXPECT_EQ(group.slot[1], 12);
+  EXPECT_EQ(group.skipped, 2u) << "two whole groups were overtaken";
+  EXPECT_EQ(released.count, 4);
+  EXPECT_FALSE(synchroniser.next(at(3 * kPeriod), group, released));
+}
+
+TEST(Synchroniser, TheReferenceIsInTheMiddle) {
+  Synchroniser synchroniser({.cameras = 3});
+  ReleasedSlots released;
+  synchroniser.add({0, at(0ms), 0}, released);
+  synchroniser.add({1, at(30ms), 0}, released);
+  synchroniser.add({2, at(12ms), 0}, released);
+  FrameGroup group;
+  ASSERT_TRUE(synchroniser.next(at(31ms), group, released));
+  EXPECT_EQ(group.reference, at(15ms));
+  EXPECT_EQ(group.cameras, 3);
+}
+
+TEST(Synchroniser, ThirtyMillisecondsIsTheLimit) {
+  Synchroniser synchroniser({.cameras = 2});
+  ReleasedSlots released;
+  synchroniser.add({0, at(0ms), 0}, released);
+  synchroniser.add({1, at(30ms) + 1ns, 0}, released);
+  FrameGroup group;
+  EXPECT_FALSE(synchroniser.next(at(31ms), group, released)) << "neither frame alone is a whole group, and both may still find a partner";
+  ASSERT_TRUE(synchroniser.next(at(75ms), group, released));
+  EXPECT_EQ(group.cameras, 1);
+}
+
+TEST(Synchroniser, AFrameOutOfOrderIsGivenBack) {
+  Synchroniser synchroniser({.cameras = 1});
+  ReleasedSlots released;
+  synchroniser.add({0, at(10ms), 1}, released);
+  synchroniser.add({0, at(10ms), 2}, released);
+  synchroniser.add({0, at(5ms), 3}, released);
+  ASSERT_EQ(released.count, 2);
+  EXPECT_EQ(released.entry[0].slot, 2);
+  EXPECT_EQ(released.entry[1].slot, 3);
+  EXPECT_EQ(synchroniser.frames_dropped(), 2u);
+}
+
+TEST(Synchroniser, RandomArrivalsNeverLoseASlot) {
+  // play() checks the bookkeeping; here cameras come and go, and time stamps are wild.
+  for (unsigned seed = 0; seed < 50; ++seed) {
+    std::mt19937 random(seed);
+    std::vector<Arrival> arrivals;
+    for (int i = 0; i < 300; ++i) arrivals.push_back({static_cast<int>(random() % 8), Nanoseconds(static_cast<std::int64_t>(random() % 2'000'000'000u))});
+    for (const GroupOrder order : {GroupOrder::newest_first, GroupOrder::oldest_first}) play(arrivals, {.cameras = 8, .order = order});
+  }
+}
+
+TEST(Synchroniser, RefusesNonsense) {
+  EXPECT_THROW(Synchroniser({.cameras = 0}), std::invalid_argument);
+  EXPECT_THROW(Synchroniser({.cameras = 9}), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace booth::daemon

@@ -1,0 +1,159 @@
+// Whole sessions with simulated cameras and a fitter that sees what it is told: states, files, alarms, answers to garbage.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "daemon/session/controller.hpp"
+#include "drivers/clock/system_clock.hpp"
+#include "tests/daemon/support/fake_booth.hpp"
+#include "tests/daemon/support/temporary_folder.hpp"
+#include "tests/support/capsule_body.hpp"
+
+namespace booth::daemon {
+namespace {
+
+using namespace std::chrono_literals;
+using nlohmann::json;
+using tests::eventually;
+using tests::read_text;
+using ::testing::HasSubstr;
+
+struct SessionTest : ::testing::Test {
+  void build(std::filesystem::path directory, std::uint64_t frames = 1'000'000) {
+    for (int i = 0; i < 3; ++i) cameras.push_back(std::make_unique<tests::FakeCamera>("c" + std::to_string(i), clock, i * 8ms, frames, true));
+    ControllerSettings settings;
+    settings.session_directory = std::move(directory);
+    settings.limits = {.lost = 200ms, .search = 1s, .session = 60s, .toggle_guard = 500ms};
+    settings.minimum_cameras = 2;
+    settings.models.men = tests::capsule_body();
+    controller = std::make_unique<Controller>(settings, clock);
+    pipeline = std::make_unique<Pipeline>(Pipeline::Settings{.minimum_cameras = 2, .synchroniser = {}}, cameras, clock, fitter, *controller);
+    controller->run(*pipeline, fitter, nullptr);
+  }
+  void TearDown() override {
+    if (controller) controller->shutdown("test");
+    pipeline.reset();
+  }
+  bool reaches(SessionState s) {
+    return eventually([&] { return controller->state() == s; });
+  }
+  json session_json() { return json::parse(read_text(std::filesystem::path(controller->status().session_folder) / "session.json")); }
+
+  drivers::SystemClock clock;
+  tests::TemporaryFolder folder;
+  hal::DepthCameras cameras;
+  tests::FakeFitter fitter;
+  std::unique_ptr<Controller> controller;
+  std::unique_ptr<Pipeline> pipeline;
+};
+
+TEST_F(SessionTest, StartTrackStop) {
+  build(folder.path);
+  EXPECT_EQ(controller->request(SessionEvent::stop, "test").text, "no session is running");
+  const ControlAnswer started = controller->request(SessionEvent::start, "test");
+  EXPECT_TRUE(started.accepted);
+  EXPECT_EQ(started.state, SessionState::estimating);
+  ASSERT_TRUE(reaches(SessionState::tracking));
+  EXPECT_EQ(controller->request(SessionEvent::start, "test").text, "a session is running already");
+  ASSERT_TRUE(eventually([&] { return controller->status().counters.fitted >= 15; }));
+  EXPECT_EQ(session_json()["result"], "running");
+  EXPECT_TRUE(controller->request(SessionEvent::stop, "test").accepted);
+  ASSERT_TRUE(reaches(SessionState::idle));
+  const json j = session_json();
+  EXPECT_EQ(j["result"], "complete");
+  EXPECT_EQ(j["reason"], "stop");
+  EXPECT_EQ(j["state_at_end"], "tracking");
+  EXPECT_GE(j["frames"].get<int>(), 15);
+  EXPECT_GT(j["latency_ms"]["p50"].get<double>(), 0);
+  EXPECT_TRUE(j["stage_ms"].contains("wait"));
+  EXPECT_TRUE(std::filesystem::exists(std::filesystem::path(controller->status().session_folder) / "skeleton.csv"));
+}
+
+TEST_F(SessionTest, TwoSessionsAreTwoFolders) {
+  build(folder.path);
+  std::vector<std::string> seen;
+  for (int i = 0; i < 2; ++i) {
+    ASSERT_TRUE(controller->request(SessionEvent::start, "test").accepted);
+    ASSERT_TRUE(reaches(SessionState::tracking));
+    seen.push_back(controller->status().session_folder);
+    controller->request(SessionEvent::stop, "test");
+    ASSERT_TRUE(reaches(SessionState::idle));
+  }
+  EXPECT_NE(seen[0], seen[1]);
+  EXPECT_EQ(fitter.resets, 2) << "the second person is not the first";
+}
+
+TEST_F(SessionTest, LosesFindsAndGivesUp) {
+  build(folder.path);
+  controller->request(SessionEvent::start, "test");
+  ASSERT_TRUE(reaches(SessionState::tracking));
+  fitter.there = false;
+  ASSERT_TRUE(reaches(SessionState::searching));
+  EXPECT_EQ(controller->status().remark, "the stage is empty");
+  fitter.there = true;
+  ASSERT_TRUE(reaches(SessionState::tracking));
+  fitter.there = false;
+  ASSERT_TRUE(reaches(SessionState::idle)) << "after search_seconds";
+  EXPECT_EQ(session_json()["reason"], "search_over");
+  EXPECT_EQ(session_json()["state_at_end"], "searching");
+}
+
+TEST_F(SessionTest, EmergencySavesAndLatches) {
+  build(folder.path);
+  controller->request(SessionEvent::start, "test");
+  ASSERT_TRUE(reaches(SessionState::tracking));
+  controller->request(SessionEvent::emergency_pressed, "button");
+  ASSERT_TRUE(reaches(SessionState::idle));
+  EXPECT_EQ(session_json()["reason"], "emergency_pressed");
+  EXPECT_THAT(controller->request(SessionEvent::start, "test").text, HasSubstr("emergency"));
+  ASSERT_TRUE(eventually([&] { return controller->status().latched; }));
+  controller->request(SessionEvent::emergency_released, "button");
+  EXPECT_TRUE(controller->request(SessionEvent::start, "test").accepted);
+}
+
+TEST_F(SessionTest, AnUnwritableFolderMeansLiveOnly) {
+  build(folder.write("in-the-way", "") / "sessions");
+  EXPECT_TRUE(controller->request(SessionEvent::start, "test").accepted);
+  ASSERT_TRUE(reaches(SessionState::tracking));
+  EXPECT_THAT(controller->status().alarm, HasSubstr("this session is live only: "));
+  EXPECT_THAT(controller->status().alarm, HasSubstr("session.directory"));
+  controller->request(SessionEvent::stop, "test");
+  EXPECT_TRUE(reaches(SessionState::idle));
+}
+
+TEST_F(SessionTest, ARecordingThatEndsEndsTheSession) {
+  build(folder.path, 40);
+  controller->request(SessionEvent::start, "test");
+  ASSERT_TRUE(reaches(SessionState::tracking));
+  ASSERT_TRUE(reaches(SessionState::idle));
+  EXPECT_EQ(session_json()["reason"], "sources_ended");
+}
+
+TEST_F(SessionTest, TooFewCamerasPauseAndTheSessionGoesOnAfterwards) {
+  build(folder.path);
+  controller->request(SessionEvent::start, "test");
+  ASSERT_TRUE(reaches(SessionState::tracking));
+  EXPECT_FALSE(controller->status().degraded);
+  static_cast<tests::FakeCamera&>(*cameras[0]).lost = true;
+  ASSERT_TRUE(eventually([&] { return controller->status().degraded; }));
+  EXPECT_FALSE(controller->status().paused);
+  static_cast<tests::FakeCamera&>(*cameras[1]).lost = true;
+  ASSERT_TRUE(eventually([&] { return controller->status().paused; }));
+  static_cast<tests::FakeCamera&>(*cameras[0]).plug_in();
+  static_cast<tests::FakeCamera&>(*cameras[1]).plug_in();
+  ASSERT_TRUE(eventually([&] { return !controller->status().degraded; }));
+  ASSERT_TRUE(reaches(SessionState::tracking)) << "the person was there all the time";
+}
+
+TEST_F(SessionTest, ShutdownInTheMiddleSaves) {
+  build(folder.path);
+  controller->request(SessionEvent::start, "test");
+  ASSERT_TRUE(reaches(SessionState::tracking));
+  controller->shutdown("signal");
+  EXPECT_EQ(session_json()["result"], "complete");
+  EXPECT_THAT(controller->request(SessionEvent::start, "test").text, HasSubstr("boothd is ending"));
+}
+
+}  // namespace
+}  // namespace booth::daemon

@@ -1,0 +1,243 @@
+// What a session leaves on disk: complete, or marked interrupted; and what is cleared away.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+
+#include "daemon/record/session_files.hpp"
+#include "daemon/record/session_log.hpp"
+#include "daemon/record/truth_error.hpp"
+#include "tests/daemon/support/temporary_folder.hpp"
+#include "tests/support/capsule_body.hpp"
+
+namespace booth::daemon {
+namespace {
+
+using nlohmann::json;
+using tests::read_text;
+using tests::TemporaryFolder;
+using ::testing::HasSubstr;
+
+constexpr std::int64_t kUtc = 1'767'225'600'000'000'000;  // 2026-01-01
+
+SessionInfo info_at(std::int64_t utc) {
+  SessionInfo info;
+  info.id = make_session_id(utc);
+  info.booth = "b";
+  info.began_utc_ns = utc;
+  return info;
+}
+
+const SessionModels& models() {
+  static const SessionModels m{tests::capsule_body(fit::Sex::men), nullptr};
+  return m;
+}
+
+/// A capsule man who moves along x of the booth.
+FrameRecord frame_at(std::uint64_t k) {
+  FrameRecord f;
+  f.sequence = k;
+  f.captured_ns = 1'000'000'000 + static_cast<std::int64_t>(k) * 33'333'333;
+  f.captured_utc_ns = kUtc + f.captured_ns;
+  f.person = PersonState::tracked;
+  f.body_accepted = k >= 2;
+  f.shape_count = 2;
+  f.residual = 0.01f;
+  f.q[1] = 0.9;
+  f.q[2] = 0.01 * static_cast<double>(k);  // z forward in the CMU frame
+  fit::Kinematics kinematics;
+  fit::forward_kinematics(Eigen::Map<const fit::PoseVector>(f.q.data()), models().men->bone_vectors(fit::ShapeVector::Zero(2)), kinematics);
+  for (std::size_t j = 0; j < kRecordJoints; ++j) {
+    const Eigen::Vector3d p = fit::booth_from_cmu(kinematics.joint.col(static_cast<Eigen::Index>(j)));
+    f.joints[j] = {p.x(), p.y(), p.z()};
+  }
+  return f;
+}
+
+std::vector<FrameRecord> frames(std::uint64_t count) {
+  std::vector<FrameRecord> out;
+  for (std::uint64_t k = 0; k < count; ++k) out.push_back(frame_at(k));
+  return out;
+}
+
+/// The same man, but 2 cm further to the left.
+struct ShiftedTruth final : hal::GroundTruth {
+  std::string body_name() const override { return "shifted"; }
+  std::string sex() const override { return "men"; }
+  static std::uint64_t frame_of(hal::MonotonicTime t) { return static_cast<std::uint64_t>((t.time_since_epoch().count() - 1'000'000'000 + 1000) / 33'333'333); }
+  std::optional<hal::TruthSample> at(hal::MonotonicTime t) const override {
+    const FrameRecord f = frame_at(frame_of(t));
+    hal::TruthSample s;
+    s.q = f.q;
+    s.joints = f.joints;
+    for (auto& joint : s.joints) joint[1] += 0.02;
+    return s;
+  }
+  std::vector<std::array<float, 3>> surface(hal::MonotonicTime t) const override {
+    const FrameRecord f = frame_at(frame_of(t));
+    fit::Vertices v;
+    models().men->posed(fit::ShapeVector::Zero(2), Eigen::Map<const fit::PoseVector>(f.q.data()), v);
+    std::vector<std::array<float, 3>> out;
+    for (Eigen::Index i = 0; i < v.cols(); ++i) out.push_back({v(2, i), v(0, i) + 0.02f, v(1, i)});
+    return out;
+  }
+  const std::vector<std::array<int, 3>>& faces() const override {
+    static const std::vector<std::array<int, 3>> list = [] {
+      std::vector<std::array<int, 3>> out;
+      const fit::Faces& f = models().men->data().faces;
+      for (Eigen::Index i = 0; i < f.cols(); ++i) out.push_back({f(0, i), f(1, i), f(2, i)});
+      return out;
+    }();
+    return list;
+  }
+};
+
+TEST(SessionFiles, ACompleteSession) {
+  TemporaryFolder folder;
+  SessionInfo info = info_at(kUtc);
+  const auto session = create_session_folder(folder.path / "sessions", info);
+  EXPECT_EQ(session.filename().string().substr(0, 17), "20260101T000000Z-");
+  struct stat mode{};
+  ::stat(session.c_str(), &mode);
+  EXPECT_EQ(mode.st_mode & 0777, 0700u) << "bodies are personal data";
+  EXPECT_EQ(json::parse(read_text(session / "session.json"))["result"], "running");
+
+  SessionLog log;
+  log.open(session);
+  auto recorded = frames(40);
+  recorded[7].person = PersonState::lost;
+  for (const auto& f : recorded) {
+    while (true) {  // the ring holds 128; this many always fit
+      log.append(f);
+      break;
+    }
+  }
+  log.close();
+  EXPECT_EQ(log.lost(), 0u);
+  const auto read = read_session_log(session);
+  ASSERT_EQ(read.size(), 40u);
+
+  info.result = "complete";
+  info.state_at_end = "tracking";
+  info.groups_dropped = 3;
+  const ShiftedTruth truth;
+  const SessionSummary summary = finish_session(session, info, read, models(), &truth);
+  EXPECT_NEAR(summary.fps, 30, 1e-3);
+  EXPECT_NEAR(summary.joint_mean, 0.02, 1e-9);
+  const json j = json::parse(read_text(session / "session.json"));
+  EXPECT_EQ(j["result"], "complete");
+  EXPECT_EQ(j["frames"], 40);
+  EXPECT_EQ(j["frames_lost"], 1);
+  EXPECT_EQ(j["groups_dropped"], 3);
+  EXPECT_EQ(j["state_at_end"], "tracking");
+  EXPECT_EQ(j["body_accepted_at_frame"], 2);
+  EXPECT_NEAR(j["residual"]["mean"].get<double>(), 0.01, 1e-6);
+  EXPECT_EQ(j["truth"]["joints"].size(), 15u);
+  EXPECT_EQ(j["truth"]["frames"], 39);
+  EXPECT_NEAR(j["truth"]["joint_p95"].get<double>(), 0.02, 1e-6);
+  // A tube moved by 2 cm is that far away only on two of its sides; the other way round it is just as far.
+  EXPECT_GT(j["truth"]["surface_mean"].get<double>(), 0.005);
+  EXPECT_LT(j["truth"]["surface_mean"].get<double>(), 0.02);
+  EXPECT_NEAR(j["truth"]["fitted_to_truth"].get<double>(), j["truth"]["truth_to_fitted"].get<double>(), 0.002);
+  for (const char* name : {"skeleton.csv", "skeleton.bvh", "body.ply"}) EXPECT_TRUE(std::filesystem::exists(session / name)) << name;
+  EXPECT_FALSE(std::filesystem::exists(session / kFrameLogName));
+  const std::string csv = read_text(session / "skeleton.csv");
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 41);
+}
+
+TEST(SessionFiles, WhatWasInterruptedIsClosedAsSuch) {
+  TemporaryFolder folder;
+  const auto session = create_session_folder(folder.path, info_at(kUtc));
+  SessionLog log;
+  log.open(session);
+  for (const auto& f : frames(25)) log.append(f);
+  log.close();
+  // The power went away in the middle of a record.
+  std::filesystem::resize_file(session / kFrameLogName, std::filesystem::file_size(session / kFrameLogName) - 100);
+  std::filesystem::create_directory(folder.path / ".20260101T000001Z-0000.part");
+
+  const auto said = close_interrupted_sessions(folder.path, models());
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_THAT(said[0], HasSubstr("was interrupted; 24 frames of it were saved"));
+  const json j = json::parse(read_text(session / "session.json"));
+  EXPECT_EQ(j["result"], "interrupted");
+  EXPECT_EQ(j["frames"], 24);
+  EXPECT_EQ(j["booth"], "b");
+  EXPECT_TRUE(std::filesystem::exists(session / "skeleton.bvh"));
+  EXPECT_FALSE(std::filesystem::exists(folder.path / ".20260101T000001Z-0000.part"));
+  EXPECT_TRUE(close_interrupted_sessions(folder.path, models()).empty()) << "once is enough";
+}
+
+TEST(SessionFiles, AHostileLogIsNoCrash) {
+  TemporaryFolder folder;
+  const auto session = create_session_folder(folder.path, info_at(kUtc));
+  folder.write((session.filename() / kFrameLogName).string(), std::string(100000, 'x'));
+  folder.write("20250101T000000Z-0000/session.json", "[[[[");
+  const auto said = close_interrupted_sessions(folder.path, models());
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_THAT(said[0], HasSubstr("not a log of this version"));
+  EXPECT_EQ(json::parse(read_text(session / "session.json"))["result"], "interrupted");
+}
+
+TEST(SessionFiles, AnEmptySessionIsComplete) {
+  TemporaryFolder folder;
+  SessionInfo info = info_at(kUtc);
+  const auto session = create_session_folder(folder.path, info);
+  info.result = "complete";
+  finish_session(session, info, {}, models(), nullptr);
+  const json j = json::parse(read_text(session / "session.json"));
+  EXPECT_EQ(j["frames"], 0);
+  EXPECT_FALSE(j.contains("truth"));
+  EXPECT_FALSE(std::filesystem::exists(session / "body.ply"));
+}
+
+TEST(SessionFiles, AFullRingCountsWhatItLoses) {
+  TemporaryFolder folder;
+  const auto session = create_session_folder(folder.path, info_at(kUtc));
+  SessionLog log;
+  log.open(session);
+  for (std::uint64_t k = 0; k < 5000; ++k) log.append(frame_at(0));
+  log.close();
+  EXPECT_GT(log.lost(), 0u);
+  EXPECT_LT(log.lost(), 5000u);
+}
+
+TEST(SessionFiles, RetentionDeletesTheOldestFirst) {
+  TemporaryFolder folder;
+  const auto make = [&](const std::string& name, const char* result) {
+    folder.write(name + "/session.json", json{{"result", result}}.dump());
+    folder.write(name + "/skeleton.csv", std::string(10000, 'x'));
+  };
+  make("20260101T000000Z-0001", "complete");
+  make("20260102T000000Z-0002", "running");
+  make("20260103T000000Z-0003", "complete");
+  make("20260104T000000Z-0004", "complete");
+  folder.write("not-a-session/file", "keep");
+  EXPECT_TRUE(prune_sessions(folder.path, 0, 0, kUtc).empty()) << "no limits";
+  const auto by_size = prune_sessions(folder.path, 31000, 0, kUtc);
+  ASSERT_EQ(by_size.size(), 1u);
+  EXPECT_THAT(by_size[0], HasSubstr("20260101T000000Z-0001 was deleted"));
+  const auto by_age = prune_sessions(folder.path, 0, 2, kUtc + 5 * 86'400'000'000'000);  // on 6 January: older than the 4th
+  ASSERT_EQ(by_age.size(), 1u);
+  EXPECT_THAT(by_age[0], HasSubstr("20260103T000000Z-0003"));
+  EXPECT_TRUE(std::filesystem::exists(folder.path / "20260102T000000Z-0002")) << "a running session stays";
+  EXPECT_TRUE(std::filesystem::exists(folder.path / "20260104T000000Z-0004"));
+  EXPECT_TRUE(std::filesystem::exists(folder.path / "not-a-session/file"));
+}
+
+TEST(SessionFiles, SaysWhyAFolderCannotBeMade) {
+  TemporaryFolder folder;
+  const auto file = folder.write("in-the-way", "");
+  try {
+    create_session_folder(file, info_at(kUtc));
+    FAIL() << "a folder inside a file";
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(), HasSubstr("in-the-way"));
+    EXPECT_THAT(e.what(), HasSubstr("session.directory"));
+  }
+}
+
+}  // namespace
+}  // namespace booth::daemon
