@@ -19,7 +19,7 @@ namespace booth::fit {
 namespace {
 
 constexpr int kBandRows = 16;
-constexpr int kFloorStep = 4;  // every so many rows and columns vouch for the floor
+constexpr int kFloorStep = 8;  // every so many rows and columns vouch for the floor; divides kBandRows
 constexpr int kPadLeft = kNormalRadius, kPadRight = kNormalRadius + kNormalLanes;
 
 /// A neighbour lies on the same surface when its depth differs by no more than this: noise, and a slant of about 76 degrees.
@@ -27,7 +27,7 @@ constexpr float kGateNoise = 0.01f, kGatePitches = 4;
 /// Normals look over twice the pixels, so their gate is twice as wide.
 constexpr float kNormalGate = 2;
 
-enum class Fate : std::uint8_t { candidate, floor, isolated, flying, other, person };
+enum class Fate : std::uint8_t { candidate, isolated, flying, other, person };
 
 CloudSettings checked(const CloudSettings& s) {
   const auto need = [](bool good, const char* what) {
@@ -84,18 +84,38 @@ struct Band {
   int cloud_first;               // number of its first person pixel among all
 };
 
-/// One row: depth in metres, labels as if all were background, and which pixels see the stage. Returns the number of measurements.
-BOOTH_KERNEL int convert_row(const std::uint16_t* raw, const std::uint16_t* near, const std::uint16_t* far, int n, std::uint16_t min_count, std::uint16_t max_count,
-                             float scale, float* depth, PixelLabel* label, std::uint8_t* gated) {
-  int measured = 0;
+/// The floor in a camera's own terms.
+struct FloorOfCamera {
+  float base, slope0, slope_x, slope_y;
+};
+
+struct CameraRow {
+  const std::uint16_t *raw, *near, *far;
+  const float *x, *y;
+  std::uint16_t min_count, max_count;
+  float scale;
+};
+
+struct RowCount {
+  int measured, floor;
+};
+
+/// One row: depth in metres, labels as if all were background, and which pixels stand on the stage. A pixel's height above the floor is
+/// base + depth * (slope0 + slope_x x + slope_y y).
+BOOTH_KERNEL RowCount convert_row(const CameraRow& in, const FloorOfCamera& floor, float margin, int n, float* depth, PixelLabel* label, std::uint8_t* standing) {
+  int measured = 0, on_floor = 0;
   for (int i = 0; i < n; ++i) {
-    const bool valid = raw[i] >= min_count && raw[i] <= max_count;
-    depth[i] = valid ? static_cast<float>(raw[i]) * scale : 0.0f;
+    const bool valid = (in.raw[i] >= in.min_count) & (in.raw[i] <= in.max_count);
+    const bool inside = (in.raw[i] >= in.near[i]) & (in.raw[i] <= in.far[i]);
+    const float metres = valid ? static_cast<float>(in.raw[i]) * in.scale : 0.0f;
+    const bool low = floor.base + metres * (floor.slope0 + floor.slope_x * in.x[i] + floor.slope_y * in.y[i]) < margin;
+    depth[i] = metres;
+    label[i] = valid ? PixelLabel::background : PixelLabel::unknown;
+    standing[i] = inside & !low;
     measured += valid;
+    on_floor += inside & low;
   }
-  for (int i = 0; i < n; ++i) label[i] = raw[i] >= min_count && raw[i] <= max_count ? PixelLabel::background : PixelLabel::unknown;
-  for (int i = 0; i < n; ++i) gated[i] = raw[i] >= near[i] && raw[i] <= far[i];
-  return measured;
+  return {measured, on_floor};
 }
 
 }  // namespace
@@ -147,12 +167,12 @@ struct CloudBuilder::Impl {
     });
   }
 
+  void sample_floor(Band& band, CameraWork& w);
+  void measure_floor(Observation& out, CloudReport& report);
   void project(Band& band, CameraWork& w);
-  void drop_floor(Band& band, CameraWork& w);
   void drop_unsupported(Band& band, CameraWork& w);
   void decide(Band& band, CameraWork& w);
   void emit(const Band& band, CameraWork& w, Cloud& cloud, int persons) const;
-  void measure_floor(Observation& out, CloudReport& report);
   float floor_under(const Cloud& cloud) const;
   bool assign(std::span<const DepthInput> inputs, Observation& out, CloudReport& report);
   void sum(CloudReport& report) const;
@@ -200,40 +220,17 @@ bool CloudBuilder::Impl::assign(std::span<const DepthInput> inputs, Observation&
   return report.frames > 0;
 }
 
-/// Counts to metres; points for the pixels that see the stage; samples of the floor.
-void CloudBuilder::Impl::project(Band& band, CameraWork& w) {
+/// Points near the calibrated floor, from every kFloorStep-th row and column. Background images do not matter here: the floor is in them.
+void CloudBuilder::Impl::sample_floor(Band& band, CameraWork& w) {
   const int width = w.rays.width;
-  for (int k = 0; k < band.count; ++k) {  // what the frame before left behind
-    const int i = w.pixel[static_cast<std::size_t>(band.first + k)];
-    *w.inverse_at(i % width, i / width) = 0;
-  }
-  band.raw = band.count = band.floor_count = 0;
-  std::uint8_t gated[kMaxImageWidth + 8];
-  for (int v = band.row_begin; v < band.row_end; ++v) {
-    const auto row = static_cast<std::size_t>(v) * static_cast<std::size_t>(width);
-    float* depth = w.view->depth.data() + row;
-    band.raw += convert_row(w.depth + row, w.rays.near.data() + row, w.rays.far.data() + row, width, w.rays.min_count, w.rays.max_count, w.rays.scale, depth,
-                            w.view->label.data() + row, gated);
-    std::memset(gated + width, 0, 8);
-    for (int u = 0; u < width; u += 8) {
-      std::uint64_t eight;
-      std::memcpy(&eight, gated + u, 8);
-      if (eight == 0) continue;
-      for (int k = u; k < std::min(u + 8, width); ++k) {
-        if (!gated[k]) continue;
-        const auto at = static_cast<std::size_t>(band.first + band.count++);
-        const Eigen::Vector3f p = w.rays.point(row + static_cast<std::size_t>(k), depth[k]);
-        w.pixel[at] = static_cast<std::int32_t>(row) + k;
-        w.x[at] = p.x(), w.y[at] = p.y(), w.z[at] = p.z();
-      }
-    }
-    if (v % kFloorStep != 0) continue;
+  band.floor_count = 0;
+  for (int v = band.row_begin; v < band.row_end; v += kFloorStep) {
     for (int u = 0; u < width; u += kFloorStep) {
-      if (depth[u] == 0) continue;
-      Eigen::Vector3f p = w.rays.point(row + static_cast<std::size_t>(u), depth[u]);
+      const auto i = static_cast<std::size_t>(v * width + u);
+      if (w.depth[i] < w.rays.near[i] || w.depth[i] > w.rays.stage_far[i]) continue;
+      Eigen::Vector3f p = w.rays.point(i, static_cast<float>(w.depth[i]) * w.rays.scale);
       p.x() -= settings.stage_x, p.z() -= settings.stage_z;
-      if (std::abs(p.y()) < kFloorSearch && p.x() * p.x() + p.z() * p.z() < settings.stage_radius * settings.stage_radius)
-        floor_points[static_cast<std::size_t>(band.floor_first + band.floor_count++)] = p;
+      if (std::abs(p.y()) < kFloorSearch) floor_points[static_cast<std::size_t>(band.floor_first + band.floor_count++)] = p;
     }
   }
 }
@@ -253,15 +250,40 @@ void CloudBuilder::Impl::measure_floor(Observation& out, CloudReport& report) {
   report.floor_sigma = floor.sigma;
 }
 
-void CloudBuilder::Impl::drop_floor(Band& band, CameraWork& w) {
-  const int width = w.rays.width;
-  band.floor = 0;
-  for (auto k = static_cast<std::size_t>(band.first); k < static_cast<std::size_t>(band.first + band.count); ++k) {
-    const bool is_floor = floor.above(w.x[k] - settings.stage_x, w.y[k], w.z[k] - settings.stage_z) < floor_margin;
-    w.fate[k] = is_floor ? Fate::floor : Fate::candidate;
-    band.floor += is_floor;
-    const int i = w.pixel[k];
-    if (!is_floor) *w.inverse_at(i % width, i / width) = 1 / w.view->depth[static_cast<std::size_t>(i)];
+/// Counts to metres, and points for the pixels that stand on the stage above the floor.
+void CloudBuilder::Impl::project(Band& band, CameraWork& w) {
+  const PixelRays& rays = w.rays;
+  const int width = rays.width;
+  for (int k = 0; k < band.count; ++k) {  // what the frame before left behind
+    const int i = w.pixel[static_cast<std::size_t>(band.first + k)];
+    *w.inverse_at(i % width, i / width) = 0;
+  }
+  band.raw = band.floor = band.count = 0;
+  const Eigen::Vector3f up(-floor.slope_x, 1, -floor.slope_z), slope = rays.to_world.transpose() * up;
+  const FloorOfCamera plane{floor.above(rays.centre.x() - settings.stage_x, rays.centre.y(), rays.centre.z() - settings.stage_z), slope.z(), slope.x(), slope.y()};
+  std::uint8_t standing[kMaxImageWidth + 8];
+  for (int v = band.row_begin; v < band.row_end; ++v) {
+    const auto row = static_cast<std::size_t>(v) * static_cast<std::size_t>(width);
+    const CameraRow in{w.depth + row, rays.near.data() + row, rays.far.data() + row, rays.x.data() + row, rays.y.data() + row, rays.min_count, rays.max_count, rays.scale};
+    float* depth = w.view->depth.data() + row;
+    const RowCount count = convert_row(in, plane, floor_margin, width, depth, w.view->label.data() + row, standing);
+    band.raw += count.measured;
+    band.floor += count.floor;
+    std::memset(standing + width, 0, 8);
+    for (int u = 0; u < width; u += 8) {
+      std::uint64_t eight;
+      std::memcpy(&eight, standing + u, 8);
+      if (eight == 0) continue;
+      for (int k = u; k < std::min(u + 8, width); ++k) {
+        if (!standing[k]) continue;
+        const auto at = static_cast<std::size_t>(band.first + band.count++);
+        const Eigen::Vector3f p = rays.point(row + static_cast<std::size_t>(k), depth[k]);
+        w.pixel[at] = static_cast<std::int32_t>(row) + k;
+        w.fate[at] = Fate::candidate;
+        w.x[at] = p.x(), w.y[at] = p.y(), w.z[at] = p.z();
+        *w.inverse_at(k, v) = 1 / depth[k];
+      }
+    }
   }
 }
 
@@ -273,7 +295,6 @@ void CloudBuilder::Impl::drop_unsupported(Band& band, CameraWork& w) {
   const float* depth = w.view->depth.data();
   band.isolated = band.flying = 0;
   for (auto k = static_cast<std::size_t>(band.first); k < static_cast<std::size_t>(band.first + band.count); ++k) {
-    if (w.fate[k] != Fate::candidate) continue;
     const int i = w.pixel[k], u = i % width, v = i / width;
     const float* here = w.inverse_at(u, v);
     const float z = depth[i], gate = w.depth_gate(z);
@@ -302,7 +323,6 @@ void CloudBuilder::Impl::decide(Band& band, CameraWork& w) {
   const int width = w.rays.width;
   band.other = band.person = 0;
   for (auto k = static_cast<std::size_t>(band.first); k < static_cast<std::size_t>(band.first + band.count); ++k) {
-    if (w.fate[k] == Fate::floor) continue;
     if (w.fate[k] == Fate::candidate) {
       switch (components.verdict(w.voxel[k])) {
         case VoxelVerdict::person: w.fate[k] = Fate::person; break;
@@ -378,7 +398,7 @@ void CloudBuilder::Impl::sum(CloudReport& report) const {
   for (const Band& band : bands) {
     if (!work[static_cast<std::size_t>(band.camera)].depth) continue;
     report.raw += band.raw;
-    report.cropped += band.raw - band.count;
+    report.cropped += band.raw - band.floor - band.count;
     report.floor += band.floor;
     report.isolated += band.isolated;
     report.flying += band.flying;
@@ -427,9 +447,9 @@ bool CloudBuilder::build(std::span<const DepthInput> inputs, Observation& out, C
   out.cloud.clear();
   if (!m.assign(inputs, out, report)) return false;
 
-  m.each_band([&](Band& band, CameraWork& w) { m.project(band, w); });
+  m.each_band([&](Band& band, CameraWork& w) { m.sample_floor(band, w); });
   m.measure_floor(out, report);
-  m.each_band([&](Band& band, CameraWork& w) { m.drop_floor(band, w); });
+  m.each_band([&](Band& band, CameraWork& w) { m.project(band, w); });
   m.each_band([&](Band& band, CameraWork& w) { m.drop_unsupported(band, w); });
 
   m.components.clear();

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -16,82 +15,67 @@ namespace {
 constexpr int kLanes = 16;
 constexpr int kMaxSteps = 320;        // cells along an axis; more would be too much for the stack, and for a person
 constexpr float kNowhere = 1e30f;     // squared distance of a candidate that there is not
-using Floats = float __attribute__((vector_size(kLanes * sizeof(float))));
-using Ints = std::int32_t __attribute__((vector_size(kLanes * sizeof(std::int32_t))));
-
-template <typename Vector, typename T>
-Vector load(const T* p) {
-  Vector v;
-  std::memcpy(&v, p, sizeof v);
-  return v;
-}
-template <typename Vector, typename T>
-void store(T* p, const Vector& v) {
-  std::memcpy(p, &v, sizeof v);
-}
-
 bool usable(float x, float y, float z) { return std::abs(x) < 1000 && std::abs(y) < 1000 && std::abs(z) < 1000; }
-
-bool any(const Ints& mask) {
-  std::uint64_t words[kLanes / 2], all = 0;
-  std::memcpy(words, &mask, sizeof words);
-  for (const std::uint64_t w : words) all |= w;
-  return all != 0;
-}
 
 /// On a line of cells, a point's squared distance is its squared distance across the line, the same for every cell, plus the squared difference
 /// along it. So, given each cell's candidate, the best candidate of the whole line for each cell needs two numbers of each: for kLanes lines side by
 /// side, `steps` cells long and `stride` apart, this looks outwards from every cell until the next candidates are too far along the line to win.
 /// `coordinate` is the points' along the lines, whose first cell's centre is at `first`.
 BOOTH_KERNEL void spread(std::int32_t* index, float* distance2, std::ptrdiff_t stride, int steps, const float* coordinate, float first, float cell) {
-  alignas(64) float along[kMaxSteps][kLanes];
-  alignas(64) float across2[kMaxSteps][kLanes];
+  alignas(64) float along[kMaxSteps + 1][kLanes];
+  alignas(64) float across2[kMaxSteps + 1][kLanes];
   alignas(64) std::int32_t candidate[kMaxSteps][kLanes];
-  int low = steps, high = -1;  // rows between which there are candidates
+  const int nowhere = steps;  // stands for every row that has no candidates
+  int low = steps, high = -1;
+  for (int k = 0; k < kLanes; ++k) along[nowhere][k] = 0, across2[nowhere][k] = kNowhere;
   for (int s = 0; s < steps; ++s) {
-    const Ints own = load<Ints>(index + s * stride);
-    store(candidate[s], own);
-    if (!any(own >= 0)) {
+    const std::int32_t* own = index + s * stride;
+    const float* d = distance2 + s * stride;
+    std::int32_t most = -1;
+    for (int k = 0; k < kLanes; ++k) candidate[s][k] = own[k], most = std::max(most, own[k]);
+    if (most < 0) {
       for (int k = 0; k < kLanes; ++k) along[s][k] = 0, across2[s][k] = kNowhere;
       continue;
     }
     low = std::min(low, s), high = s;
     const float centre = first + static_cast<float>(s) * cell;
-    const float* d = distance2 + s * stride;
     for (int k = 0; k < kLanes; ++k) {
-      const std::int32_t i = candidate[s][k] < 0 ? 0 : candidate[s][k];
+      const std::int32_t i = own[k] < 0 ? 0 : own[k];
       const float a = coordinate[i], difference = a - centre;
       along[s][k] = a;
-      across2[s][k] = candidate[s][k] < 0 ? kNowhere : d[k] - difference * difference;
+      across2[s][k] = own[k] < 0 ? kNowhere : d[k] - difference * difference;
     }
   }
   if (high < 0) return;
 
   for (int s = 0; s < steps; ++s) {
     const float centre = first + static_cast<float>(s) * cell;
-    Floats best = load<Floats>(distance2 + s * stride);
-    const Floats before = best;
-    Ints row = Ints{} + s;
-    const auto look = [&](int at) __attribute__((always_inline)) {
-      const Floats difference = load<Floats>(along[at]) - centre;
-      const Floats d = load<Floats>(across2[at]) + difference * difference;
-      const auto nearer = d < best;
-      best = nearer ? d : best;
-      row = nearer ? Ints{} + at : row;
-    };
-    const int last = std::max(s - low, high - s);
-    for (int k = 1; k <= last; ++k) {
-      if (k % 2 == 1) {  // a candidate k cells along is at least k - 1/2 away
-        const float least = (static_cast<float>(k) - 0.5f) * cell;
-        if (!any(best > Floats{} + least * least)) break;
+    float* d = distance2 + s * stride;
+    alignas(64) float best[kLanes];
+    alignas(64) std::int32_t row[kLanes];
+    for (int k = 0; k < kLanes; ++k) best[k] = d[k], row[k] = s;
+    const int last = std::max(s - low, high - s), none = std::max({s - high, low - s, 1});
+    for (int step = none; step <= last; step += 2) {
+      const float least = (static_cast<float>(step) - 0.5f) * cell;  // a candidate `step` cells along is at least this far away
+      float farthest = 0;
+      for (int k = 0; k < kLanes; ++k) farthest = best[k] > farthest ? best[k] : farthest;
+      if (farthest <= least * least) break;
+      const auto present = [&](int at) { return at < low || at > high ? nowhere : at; };
+      const int a = present(s + step), b = present(s - step), c = present(s + step + 1), e = present(s - step - 1);
+      for (int k = 0; k < kLanes; ++k) {
+        const float fa = along[a][k] - centre, fb = along[b][k] - centre, fc = along[c][k] - centre, fe = along[e][k] - centre;
+        const float da = across2[a][k] + fa * fa, db = across2[b][k] + fb * fb, dc = across2[c][k] + fc * fc, de = across2[e][k] + fe * fe;
+        float m = best[k];
+        std::int32_t r = row[k];
+        r = da < m ? a : r, m = da < m ? da : m;
+        r = db < m ? b : r, m = db < m ? db : m;
+        r = dc < m ? c : r, m = dc < m ? dc : m;
+        r = de < m ? e : r, m = de < m ? de : m;
+        best[k] = m, row[k] = r;
       }
-      if (s + k <= high && s + k >= low) look(s + k);
-      if (s - k >= low && s - k <= high) look(s - k);
     }
-    if (!any(best < before)) continue;
-    store(distance2 + s * stride, best);
     std::int32_t* out = index + s * stride;
-    for (int k = 0; k < kLanes; ++k) out[k] = candidate[row[k]][k];
+    for (int k = 0; k < kLanes; ++k) out[k] = candidate[row[k]][k], d[k] = best[k];
   }
 }
 

@@ -90,7 +90,7 @@ TEST(NearestField, OneLookUpIsAFewMillimetresFromBruteForceAndCellsOfOneCentimet
     EXPECT_EQ(e.answered, e.asked) << "inside the band there is always an answer";
     EXPECT_LT(e.mean, c.bound) << c.noise << " " << c.cell;
     EXPECT_LT(e.refined, 0.7 * e.mean);
-    EXPECT_LT(e.worst, 1.2 * c.cell);
+    EXPECT_LT(e.worst, 1.5 * c.cell);
   }
 }
 
