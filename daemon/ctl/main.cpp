@@ -3,16 +3,10 @@
 #include <csignal>
 #include <iostream>
 
-#include "daemon/ctl/verbs.hpp"
-#if BOOTHCTL_FIT
 #include "daemon/ctl/fit_verb.hpp"
-#endif
-#if BOOTHCTL_MODEL
 #include "daemon/ctl/model_verb.hpp"
-#endif
-#if BOOTHCTL_SIMULATE
 #include "daemon/ctl/simulate_verb.hpp"
-#endif
+#include "daemon/ctl/verbs.hpp"
 
 int main(int argc, char** argv) {
   using namespace booth::daemon;
@@ -24,15 +18,9 @@ int main(int argc, char** argv) {
   add_start_stop_verbs(app);
   add_watch_verb(app);
   add_track_verb(app);
-#if BOOTHCTL_FIT
   add_fit_verb(app);
-#endif
-#if BOOTHCTL_SIMULATE
   add_simulate_verb(app);
-#endif
-#if BOOTHCTL_MODEL
   add_model_verbs(app);
-#endif
   add_bench_verb(app);
   add_config_verb(app);
   std::signal(SIGPIPE, SIG_IGN);

@@ -92,13 +92,7 @@ int Synchroniser::living(MonotonicTime newest) const {
   return count;
 }
 
-bool Synchroniser::next(MonotonicTime now, FrameGroup& group, ReleasedSlots& released) {
-  MonotonicTime oldest = MonotonicTime::max();
-  for (const Lane& lane : lanes_) {
-    if (lane.count > 0) oldest = std::min(oldest, lane.frame[0].captured);
-  }
-  if (oldest == MonotonicTime::max()) return false;
-
+Synchroniser::Candidate Synchroniser::best_candidate(MonotonicTime oldest, MonotonicTime deadline) const {
   Candidate best;
   for (int cam = 0; cam < settings_.cameras; ++cam) {
     const Lane& lane = lanes_[static_cast<std::size_t>(cam)];
@@ -107,14 +101,25 @@ bool Synchroniser::next(MonotonicTime now, FrameGroup& group, ReleasedSlots& rel
       // Offline, a later group waits its turn: only one that could hold the oldest frame's neighbours is next.
       if (settings_.order == GroupOrder::oldest_first && t > oldest + 2 * settings_.window) break;
       const Candidate c = candidate_from(t);
-      if (best.cameras == 0 || better(c, best)) best = c;
+      if (c.reference + settings_.window <= deadline && (best.cameras == 0 || better(c, best))) best = c;
     }
   }
+  return best;
+}
 
-  const bool over = now == MonotonicTime::max();
-  const bool complete = best.cameras >= living(newest_);
-  const bool overdue = over || now >= best.reference + settings_.window + settings_.patience;
-  if (!complete && !overdue) return false;
+bool Synchroniser::next(MonotonicTime now, FrameGroup& group, ReleasedSlots& released) {
+  MonotonicTime oldest = MonotonicTime::max();
+  for (const Lane& lane : lanes_) {
+    if (lane.count > 0) oldest = std::min(oldest, lane.frame[0].captured);
+  }
+  if (oldest == MonotonicTime::max()) return false;
+
+  Candidate best = best_candidate(oldest, MonotonicTime::max());
+  if (best.cameras < living(newest_) && now != MonotonicTime::max()) {
+    // Not all are in. Only what has waited long enough may go: the newest candidate is always too young, and would hold back the others for ever.
+    best = best_candidate(oldest, now - settings_.patience);
+    if (best.cameras == 0) return false;
+  }
 
   group = {};
   group.number = groups_++;

@@ -20,7 +20,7 @@ struct SynchroniserSettings {
   int cameras = 4;
   GroupOrder order = GroupOrder::newest_first;
   hal::Nanoseconds window = std::chrono::milliseconds(15);    ///< most that a frame may lie from its group's reference instant
-  hal::Nanoseconds patience = std::chrono::milliseconds(25);  ///< how long after the window an incomplete group waits for the missing
+  hal::Nanoseconds patience = std::chrono::milliseconds(60);  ///< how long after its window an incomplete group waits: a loaded machine delivers late
   hal::Nanoseconds silence = std::chrono::milliseconds(150);  ///< a camera that is silent for longer is not waited for
 };
 
@@ -85,6 +85,8 @@ class Synchroniser {
   };
 
   Candidate candidate_from(hal::MonotonicTime earliest) const;
+  /// The best group; with a deadline, of those whose window ended before it. `cameras` is 0 when there is none.
+  Candidate best_candidate(hal::MonotonicTime oldest, hal::MonotonicTime deadline) const;
   bool better(const Candidate& a, const Candidate& b) const;
   int living(hal::MonotonicTime newest) const;
   void drop_front(int camera, ReleasedSlots& released);

@@ -62,12 +62,13 @@ Json info_json(const SessionInfo& info) {
 
 double percentile(std::vector<double> values, double p) {
   if (values.empty()) return 0;
-  const auto rank = static_cast<std::ptrdiff_t>(p * static_cast<double>(values.size() - 1));
+  const auto rank = static_cast<std::ptrdiff_t>(std::ceil(p * static_cast<double>(values.size()))) - 1;
   std::nth_element(values.begin(), values.begin() + rank, values.end());
   return values[static_cast<std::size_t>(rank)];
 }
 
-double round_to(double v, double step) { return std::round(v / step) * step; }
+/// Micrometres are fine enough for a person who reads the file.
+double metres(double v) { return std::round(v * 1e6) / 1e6; }
 double ms(double v) { return std::round(v * 1e3) / 1e3; }
 
 const char* person_name(PersonState s) { return s == PersonState::lost ? "lost" : s == PersonState::estimated ? "estimated" : "tracked"; }
@@ -227,7 +228,7 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
       j["stage_ms"][kStageNames[s]] = {{"p50", ms(info.stages[s].p50_ms)}, {"p99", ms(info.stages[s].p99_ms)}, {"max", ms(info.stages[s].max_ms)}};
     }
   }
-  j["residual"] = {{"mean", round_to(out.residual_mean, 1e-6)}, {"p95", round_to(out.residual_p95, 1e-6)}};
+  j["residual"] = {{"mean", metres(out.residual_mean)}, {"p95", metres(out.residual_p95)}};
   if (last_good) {
     j["sex"] = last_good->sex == RecordSex::men ? "men" : "women";
     j["beta"] = std::vector<double>(last_good->beta.begin(), last_good->beta.begin() + last_good->shape_count);
@@ -245,18 +246,18 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
       t["body"] = truth->body_name();
       t["sex"] = truth->sex();
       t["frames"] = error.frames;
-      t["joint_mean"] = round_to(error.joint_mean, 1e-6);
-      t["joint_p95"] = round_to(error.joint_p95, 1e-6);
-      t["joint_mean_settled"] = round_to(error.joint_mean_settled, 1e-6);
+      t["joint_mean"] = metres(error.joint_mean);
+      t["joint_p95"] = metres(error.joint_p95);
+      t["joint_mean_settled"] = metres(error.joint_mean_settled);
       t["joints"] = Json::array();
       for (const int joint : fit::main_joints()) t["joints"].push_back(fit::bones()[static_cast<std::size_t>(joint)].end_joint);
-      t["joint_mean_24"] = round_to(error.joint_mean_all, 1e-6);
+      t["joint_mean_24"] = metres(error.joint_mean_all);
       for (std::size_t joint = 0; joint < kRecordJoints; ++joint)
-        t["per_joint_mean"][std::string(fit::bones()[joint].end_joint)] = round_to(error.per_joint_mean[joint], 1e-6);
+        t["per_joint_mean"][std::string(fit::bones()[joint].end_joint)] = metres(error.per_joint_mean[joint]);
       if (error.surface_frames > 0) {
-        t["surface_mean"] = round_to(error.surface_mean, 1e-6);
-        t["fitted_to_truth"] = round_to(error.fitted_to_truth, 1e-6);
-        t["truth_to_fitted"] = round_to(error.truth_to_fitted, 1e-6);
+        t["surface_mean"] = metres(error.surface_mean);
+        t["fitted_to_truth"] = metres(error.fitted_to_truth);
+        t["truth_to_fitted"] = metres(error.truth_to_fitted);
         t["surface_frames"] = error.surface_frames;
       }
     }

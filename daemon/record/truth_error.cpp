@@ -64,7 +64,7 @@ TruthError truth_error(const std::vector<FrameRecord>& frames, const SessionMode
   if (seen.empty()) return out;
   for (double e : main_errors) out.joint_mean += e;
   out.joint_mean /= static_cast<double>(main_errors.size());
-  const auto rank = static_cast<std::ptrdiff_t>(0.95 * static_cast<double>(main_errors.size() - 1));
+  const auto rank = static_cast<std::ptrdiff_t>(std::ceil(0.95 * static_cast<double>(main_errors.size()))) - 1;
   std::nth_element(main_errors.begin(), main_errors.begin() + rank, main_errors.end());
   out.joint_p95 = main_errors[static_cast<std::size_t>(rank)];
   out.joint_mean_settled = settled_count ? settled_sum / static_cast<double>(settled_count) : 0;

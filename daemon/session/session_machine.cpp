@@ -107,8 +107,8 @@ SessionOutcome SessionMachine::tick(hal::MonotonicTime now, bool paused) {
     return unchanged();
   }
   if (state_ == SessionState::searching) return now - last_seen_ >= limits_.search ? handle(SessionEvent::search_over, now) : unchanged();
-  // No frames at all is nobody seen, too.
-  if (now - last_seen_ >= 4 * limits_.lost) return handle(SessionEvent::person_lost, now);
+  // No frames at all is nobody seen, too; but the first estimate may take its time.
+  if (state_ == SessionState::tracking && now - last_seen_ >= 4 * limits_.lost) return handle(SessionEvent::person_lost, now);
   return unchanged();
 }
 

@@ -24,7 +24,7 @@ std::vector<std::string> problems_of(const ConfigSources& sources) {
   return {};
 }
 
-std::vector<std::string> problems_of(const std::string& text) {
+std::vector<std::string> problems_in(const std::string& text) {
   TemporaryFolder folder;
   auto problems = problems_of({.file = folder.write("b.toml", text), .assignments = {}});
   for (auto& p : problems) {
@@ -62,20 +62,20 @@ TEST(Config, LaterSourcesWin) {
 }
 
 TEST(Config, NamesFileLineKeyAndWhatIsAllowed) {
-  EXPECT_THAT(problems_of("[stage]\n\nradius = 50\n"), ElementsAre("b.toml:3: stage.radius: 50 is out of range; allowed is a number from 0.5 to 5"));
-  EXPECT_THAT(problems_of("[fit]\npreset = \"best\"\n"), ElementsAre("b.toml:2: fit.preset: \"best\" is not known; allowed is one of \"booth\", \"paper\""));
-  EXPECT_THAT(problems_of("[fit]\nthreads = \"two\"\n"), ElementsAre("b.toml:2: fit.threads: has the wrong type; allowed is a whole number from 1 to 64"));
-  EXPECT_THAT(problems_of("[fit]\nthreads = 2.0\n"), ElementsAre("b.toml:2: fit.threads: has the wrong type; allowed is a whole number from 1 to 64"));
-  EXPECT_THAT(problems_of("stage = 3\n"), ElementsAre("b.toml:1: stage: must be a table"));
-  EXPECT_THAT(problems_of("[stage]\nradius = nan\n"), ElementsAre(HasSubstr("stage.radius: nan is out of range")));
-  EXPECT_THAT(problems_of("[booth]\nid = \"a b\"\n"), ElementsAre(HasSubstr("b.toml:2: booth.id: \"a b\" must be 1 to 32 letters")));
-  EXPECT_THAT(problems_of("[dds]\npeers = [\"x\\\"/><evil\"]\n"), ElementsAre(HasSubstr("dds.peers"))) << "nothing of a value may become XML";
+  EXPECT_THAT(problems_in("[stage]\n\nradius = 50\n"), ElementsAre("b.toml:3: stage.radius: 50 is out of range; allowed is a number from 0.5 to 5"));
+  EXPECT_THAT(problems_in("[fit]\npreset = \"best\"\n"), ElementsAre("b.toml:2: fit.preset: \"best\" is not known; allowed is one of \"booth\", \"paper\""));
+  EXPECT_THAT(problems_in("[fit]\nthreads = \"two\"\n"), ElementsAre("b.toml:2: fit.threads: has the wrong type; allowed is a whole number from 1 to 64"));
+  EXPECT_THAT(problems_in("[fit]\nthreads = 2.0\n"), ElementsAre("b.toml:2: fit.threads: has the wrong type; allowed is a whole number from 1 to 64"));
+  EXPECT_THAT(problems_in("stage = 3\n"), ElementsAre("b.toml:1: stage: must be a table"));
+  EXPECT_THAT(problems_in("[stage]\nradius = nan\n"), ElementsAre(HasSubstr("stage.radius: nan is out of range")));
+  EXPECT_THAT(problems_in("[booth]\nid = \"a b\"\n"), ElementsAre(HasSubstr("b.toml:2: booth.id: \"a b\" must be 1 to 32 letters")));
+  EXPECT_THAT(problems_in("[dds]\npeers = [\"x\\\"/><evil\"]\n"), ElementsAre(HasSubstr("dds.peers"))) << "nothing of a value may become XML";
 }
 
 TEST(Config, SuggestsTheNearestKey) {
-  EXPECT_THAT(problems_of("[fit]\ntreads = 2\n"), ElementsAre("b.toml:2: fit.treads: is not a key of boothd; did you mean fit.threads?"));
-  EXPECT_THAT(problems_of("[booth]\nradius = 2.0\n"), ElementsAre("b.toml:2: booth.radius: is not a key of boothd; did you mean stage.radius?"));
-  EXPECT_THAT(problems_of("qqqqqqqqqqqqqqqq = 2\n"), ElementsAre("b.toml:1: qqqqqqqqqqqqqqqq: is not a key of boothd"));
+  EXPECT_THAT(problems_in("[fit]\ntreads = 2\n"), ElementsAre("b.toml:2: fit.treads: is not a key of boothd; did you mean fit.threads?"));
+  EXPECT_THAT(problems_in("[booth]\nradius = 2.0\n"), ElementsAre("b.toml:2: booth.radius: is not a key of boothd; did you mean stage.radius?"));
+  EXPECT_THAT(problems_in("qqqqqqqqqqqqqqqq = 2\n"), ElementsAre("b.toml:1: qqqqqqqqqqqqqqqq: is not a key of boothd"));
 }
 
 TEST(Config, ReportsAllProblemsOfAllSources) {
@@ -86,7 +86,7 @@ TEST(Config, ReportsAllProblemsOfAllSources) {
 }
 
 TEST(Config, SaysWhereTomlIsBroken) {
-  EXPECT_THAT(problems_of("[fit]\nthreads = = 2\n"), ElementsAre(HasSubstr("b.toml:2: not TOML: ")));
+  EXPECT_THAT(problems_in("[fit]\nthreads = = 2\n"), ElementsAre(HasSubstr("b.toml:2: not TOML: ")));
   EXPECT_THAT(problems_of({.file = "/nonexistent/b.toml", .assignments = {}}), ElementsAre(HasSubstr("/nonexistent/b.toml: cannot be read: ")));
 }
 

@@ -24,17 +24,17 @@ struct Arrival {
   Nanoseconds captured;
 };
 
-struct Run {
+struct Playback {
   std::vector<FrameGroup> groups;
   std::uint64_t dropped = 0;
 };
 
 /// Plays arrivals in the order of time, each with a slot of its own, and checks what must hold always: every slot is given back or handed out exactly
 /// once, every frame lies within the window, groups come in order.
-Run play(std::vector<Arrival> arrivals, SynchroniserSettings settings, Nanoseconds delay = 10ms, Nanoseconds polling = 5ms) {
+Playback play(std::vector<Arrival> arrivals, SynchroniserSettings settings, Nanoseconds delay = 10ms, Nanoseconds polling = 5ms) {
   std::stable_sort(arrivals.begin(), arrivals.end(), [](const Arrival& a, const Arrival& b) { return a.captured < b.captured; });
   Synchroniser synchroniser(settings);
-  Run run;
+  Playback run;
   std::set<std::pair<int, int>> outstanding;
   const auto take = [&](const ReleasedSlots& released) {
     for (const auto& e : released.list()) EXPECT_EQ(outstanding.erase({e.camera, e.slot}), 1u) << "a slot was released twice";
@@ -88,7 +88,7 @@ std::vector<Arrival> free_running(const std::vector<Nanoseconds>& phases, int fr
   return out;
 }
 
-int with_cameras(const Run& run, int cameras) {
+int with_cameras(const Playback& run, int cameras) {
   return static_cast<int>(std::count_if(run.groups.begin(), run.groups.end(), [&](const FrameGroup& g) { return g.cameras == cameras; }));
 }
 
@@ -102,7 +102,7 @@ TEST_P(EveryOrder, GroupsAllFourCamerasAtEveryPhase) {
     for (int b = 0; b < kSteps; ++b) {
       for (int c = 0; c < kSteps; ++c) {
         const std::vector<Nanoseconds> phases{0ns, a * kPeriod / kSteps, b * kPeriod / kSteps, c * kPeriod / kSteps};
-        const Run run = play(free_running(phases, kFrames, 500us, static_cast<unsigned>(a * 49 + b * 7 + c)), {.cameras = 4, .order = GetParam()});
+        const Playback run = play(free_running(phases, kFrames, 500us, static_cast<unsigned>(a * 49 + b * 7 + c)), {.cameras = 4, .order = GetParam()});
         // A full group for every period but the ragged ends.
         EXPECT_GE(with_cameras(run, 4), kFrames - 2) << a << " " << b << " " << c;
         EXPECT_LE(run.groups.size(), kFrames + 2u);
@@ -112,12 +112,12 @@ TEST_P(EveryOrder, GroupsAllFourCamerasAtEveryPhase) {
 }
 
 TEST_P(EveryOrder, TwoCamerasInOppositePhase) {
-  const Run run = play(free_running({0ns, kPeriod / 2}, 30), {.cameras = 2, .order = GetParam()});
+  const Playback run = play(free_running({0ns, kPeriod / 2}, 30), {.cameras = 2, .order = GetParam()});
   EXPECT_GE(with_cameras(run, 2), 29);
 }
 
 TEST_P(EveryOrder, OneCameraAlone) {
-  const Run run = play(free_running({3ms}, 30), {.cameras = 1, .order = GetParam()});
+  const Playback run = play(free_running({3ms}, 30), {.cameras = 1, .order = GetParam()});
   EXPECT_EQ(run.groups.size(), 30u);
   EXPECT_EQ(run.dropped, 0u);
 }
@@ -125,7 +125,7 @@ TEST_P(EveryOrder, OneCameraAlone) {
 TEST_P(EveryOrder, OneCameraOfFour) {
   auto arrivals = free_running({3ms}, 30);
   for (auto& a : arrivals) a.camera = 2;
-  const Run run = play(arrivals, {.cameras = 4, .order = GetParam()});
+  const Playback run = play(arrivals, {.cameras = 4, .order = GetParam()});
   EXPECT_GE(run.groups.size(), 24u) << "the silent three are waited for at first, then no more";
   for (const FrameGroup& g : run.groups) EXPECT_EQ(g.slot[0], -1);
 }
@@ -133,7 +133,7 @@ TEST_P(EveryOrder, OneCameraOfFour) {
 TEST_P(EveryOrder, ACameraThatDiesAndComesBack) {
   auto arrivals = free_running({0ns, 8ms, 16ms, 24ms}, 60);
   std::erase_if(arrivals, [](const Arrival& a) { return a.camera == 3 && a.captured > 20 * kPeriod && a.captured < 40 * kPeriod; });
-  const Run run = play(arrivals, {.cameras = 4, .order = GetParam()});
+  const Playback run = play(arrivals, {.cameras = 4, .order = GetParam()});
   EXPECT_GE(with_cameras(run, 4), 36);
   EXPECT_GE(with_cameras(run, 3), 15);
   EXPECT_GE(run.groups.back().cameras, 1);
@@ -142,7 +142,7 @@ TEST_P(EveryOrder, ACameraThatDiesAndComesBack) {
 TEST_P(EveryOrder, ALostFrameCostsAtMostItsOwnGroup) {
   auto arrivals = free_running({0ns, 3ms, 10ms, 20ms}, 30);
   std::erase_if(arrivals, [](const Arrival& a) { return a.camera == 3 && a.captured == 20ms + 12 * kPeriod; });
-  const Run run = play(arrivals, {.cameras = 4, .order = GetParam()});
+  const Playback run = play(arrivals, {.cameras = 4, .order = GetParam()});
   EXPECT_EQ(with_cameras(run, 4), 29);
   if (GetParam() == GroupOrder::oldest_first) {
     EXPECT_EQ(run.groups.size(), 30u);
@@ -152,9 +152,35 @@ TEST_P(EveryOrder, ALostFrameCostsAtMostItsOwnGroup) {
 
 TEST(Synchroniser, WaitsForABetterGroupThanALoneFrame) {
   // Camera 1 always comes 31.5 ms after camera 0: too late for that frame, early for the next.
-  const Run run = play(free_running({0ns, 31500us}, 30), {.cameras = 2});
+  const Playback run = play(free_running({0ns, 31500us}, 30), {.cameras = 2});
   EXPECT_GE(with_cameras(run, 2), 29);
   EXPECT_LE(with_cameras(run, 1), 2);
+}
+
+TEST(Synchroniser, ACameraThatComesSeldomDoesNotHoldTheOthersBack) {
+  auto arrivals = free_running({0ns, 8ms, 16ms, 24ms}, 60);
+  int count = 0;
+  std::erase_if(arrivals, [&](const Arrival& a) { return a.camera == 3 && count++ % 4 != 0; });
+  const Playback run = play(arrivals, {.cameras = 4});
+  EXPECT_GE(run.groups.size(), 50u);
+  EXPECT_GE(with_cameras(run, 4), 12);
+}
+
+TEST(Synchroniser, LateDeliveryDoesNotSplitGroups) {
+  // Camera 3's frames take 45 ms longer than the others'.
+  Synchroniser synchroniser({.cameras = 4});
+  std::vector<FrameGroup> groups;
+  for (int ms = 0; ms < 1100; ++ms) {
+    ReleasedSlots released;
+    for (int cam = 0; cam < 4; ++cam) {
+      const int taken = ms - (cam == 3 ? 55 : 10) - 2 * cam;
+      if (taken >= 0 && taken % 33 == 0) synchroniser.add({cam, at((taken + 2 * cam) * 1ms), taken}, released);
+    }
+    FrameGroup group;
+    if (ReleasedSlots unused; synchroniser.next(at(ms * 1ms), group, unused)) groups.push_back(group);
+  }
+  EXPECT_GE(groups.size(), 31u);
+  for (const FrameGroup& g : groups) EXPECT_EQ(g.cameras, 4);
 }
 
 TEST(Synchroniser, TheNewestGroupWinsWhenAskedLate) {
@@ -192,6 +218,7 @@ TEST(Synchroniser, ThirtyMillisecondsIsTheLimit) {
   synchroniser.add({1, at(30ms) + 1ns, 0}, released);
   FrameGroup group;
   EXPECT_FALSE(synchroniser.next(at(31ms), group, released)) << "neither frame alone is a whole group, and both may still find a partner";
+  EXPECT_FALSE(synchroniser.next(at(74ms), group, released));
   ASSERT_TRUE(synchroniser.next(at(75ms), group, released));
   EXPECT_EQ(group.cameras, 1);
 }

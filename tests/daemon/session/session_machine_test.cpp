@@ -121,6 +121,7 @@ TEST(SessionMachine, ASearchEndsAfterItsLimitButNotWhilePaused) {
 TEST(SessionMachine, NoFramesAtAllIsALoss) {
   SessionMachine m(kLimits);
   m.handle(E::start, at(0s));
+  EXPECT_FALSE(m.tick(at(0.9s), false).changed());
   m.frame(true, true, at(1s));
   EXPECT_FALSE(m.tick(at(2.9s), false).changed());
   EXPECT_EQ(m.tick(at(3s), false).to, S::searching);

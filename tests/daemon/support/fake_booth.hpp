@@ -34,7 +34,7 @@ class FakeCamera final : public hal::DepthCamera {
     if (!running_) return hal::ReadStatus::ended;
     if (lost) return hal::ReadStatus::lost;
     if (next_ >= frames_) return hal::ReadStatus::ended;
-    const hal::MonotonicTime due = origin_ + phase_ + std::chrono::nanoseconds(33'333'333) * static_cast<std::int64_t>(real_time_ ? next_ - base_ : next_);
+    const hal::MonotonicTime due = origin_ + phase_ + std::chrono::nanoseconds(33'333'333) * static_cast<std::int64_t>(real_time_ ? next_ - base_ : next_.load());
     if (real_time_) {
       if (due > clock_.now() + timeout) {
         clock_.sleep_until(clock_.now() + timeout);
