@@ -102,18 +102,26 @@ struct RowCount {
 
 /// One row: depth in metres, labels as if all were background, and which pixels stand on the stage. A pixel's height above the floor is
 /// base + depth * (slope0 + slope_x x + slope_y y).
-BOOTH_KERNEL RowCount convert_row(const CameraRow& in, const FloorOfCamera& floor, float margin, int n, float* depth, PixelLabel* label, std::uint8_t* standing) {
+BOOTH_KERNEL RowCount convert_row(const CameraRow& in, const FloorOfCamera& floor, float margin, int n, float* __restrict depth, PixelLabel* __restrict label,
+                                  std::uint8_t* __restrict standing) {
+  const std::uint16_t *__restrict raw = in.raw, *__restrict near = in.near, *__restrict far = in.far;
+  const float *__restrict x = in.x, *__restrict y = in.y;
+  const std::uint16_t min_count = in.min_count, max_count = in.max_count;
+  const float scale = in.scale, base = floor.base - margin, slope0 = floor.slope0, slope_x = floor.slope_x, slope_y = floor.slope_y;
   int measured = 0, on_floor = 0;
   for (int i = 0; i < n; ++i) {
-    const bool valid = (in.raw[i] >= in.min_count) & (in.raw[i] <= in.max_count);
-    const bool inside = (in.raw[i] >= in.near[i]) & (in.raw[i] <= in.far[i]);
-    const float metres = valid ? static_cast<float>(in.raw[i]) * in.scale : 0.0f;
-    const bool low = floor.base + metres * (floor.slope0 + floor.slope_x * in.x[i] + floor.slope_y * in.y[i]) < margin;
-    depth[i] = metres;
-    label[i] = valid ? PixelLabel::background : PixelLabel::unknown;
-    standing[i] = inside & !low;
+    const bool valid = (raw[i] >= min_count) & (raw[i] <= max_count);
+    depth[i] = valid ? static_cast<float>(raw[i]) * scale : 0.0f;
     measured += valid;
-    on_floor += inside & low;
+  }
+  static_assert(static_cast<int>(PixelLabel::unknown) == 0 && static_cast<int>(PixelLabel::background) == 2);
+  for (int i = 0; i < n; ++i) label[i] = static_cast<PixelLabel>(((raw[i] >= min_count) & (raw[i] <= max_count)) << 1);
+  for (int i = 0; i < n; ++i) standing[i] = static_cast<std::uint8_t>((raw[i] >= near[i]) & (raw[i] <= far[i]));
+  for (int i = 0; i < n; ++i) {
+    const bool low = base + depth[i] * (slope0 + slope_x * x[i] + slope_y * y[i]) < 0;
+    const int drop = standing[i] & static_cast<int>(low);
+    standing[i] = static_cast<std::uint8_t>(standing[i] - drop);
+    on_floor += drop;
   }
   return {measured, on_floor};
 }

@@ -2,6 +2,7 @@
 #include "fit/cloud/nearest_field.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -31,6 +32,8 @@ BOOTH_KERNEL void spread(std::int32_t* index, float* distance2, std::ptrdiff_t s
   for (int s = 0; s < steps; ++s) {
     const std::int32_t* own = index + s * stride;
     const float* d = distance2 + s * stride;
+    __builtin_prefetch(own + kLanes);  // the lines beside these come next
+    __builtin_prefetch(d + kLanes);
     std::int32_t most = -1;
     for (int k = 0; k < kLanes; ++k) candidate[s][k] = own[k], most = std::max(most, own[k]);
     if (most < 0) {
@@ -57,9 +60,9 @@ BOOTH_KERNEL void spread(std::int32_t* index, float* distance2, std::ptrdiff_t s
     const int last = std::max(s - low, high - s), none = std::max({s - high, low - s, 1});
     for (int step = none; step <= last; step += 2) {
       const float least = (static_cast<float>(step) - 0.5f) * cell;  // a candidate `step` cells along is at least this far away
-      float farthest = 0;
-      for (int k = 0; k < kLanes; ++k) farthest = best[k] > farthest ? best[k] : farthest;
-      if (farthest <= least * least) break;
+      std::int32_t farthest = 0;  // positive floats compare as their bits do, and those the vectoriser may reduce in any order
+      for (int k = 0; k < kLanes; ++k) farthest = std::max(farthest, std::bit_cast<std::int32_t>(best[k]));
+      if (farthest <= std::bit_cast<std::int32_t>(least * least)) break;
       const auto present = [&](int at) { return at < low || at > high ? nowhere : at; };
       const int a = present(s + step), b = present(s - step), c = present(s + step + 1), e = present(s - step - 1);
       for (int k = 0; k < kLanes; ++k) {

@@ -326,7 +326,7 @@ bool build_unorganised(const Eigen::Matrix3Xf& points, const Eigen::Matrix3Xf& n
   }
   if (normals.cols() == 0) {
     const float step = spacing(p);
-    const SortedGrid grid(p, std::clamp(2.5f * step, 0.01f, 0.1f));
+    const SortedGrid grid(p, std::clamp(2 * step, 0.02f, 0.1f));
     n.resize(p.size());
     for (Index i = 0; i < p.size(); ++i) n[i] = plane_normal(p, grid, i);
     turn_outwards(p, n, grid, step, viewpoints);
