@@ -29,8 +29,8 @@ double worst_sd(const Eigen::Matrix3d& covariance) {
 }  // namespace
 
 bool coverage_is_partial(const fit::FitResult& result, std::size_t viewpoints) {
-  // One camera explains 40 to 50 % of a body's surface, two opposite ones over 75 %.
-  constexpr double kWhole = 0.6;
+  // Points of one side explain 50 to 60 % of the surface (what lies near a seen point counts as explained), points of all sides over 80 %.
+  constexpr double kWhole = 0.7;
   return viewpoints == 1 || result.coverage < kWhole;
 }
 
