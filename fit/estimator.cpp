@@ -71,8 +71,12 @@ struct Estimator::Impl {
     result = FitResult{};
   }
 
-  Solution solve(Candidate& c, const Observation& observation, const PoseVector* initial) {
-    if (c.booth) return c.booth->start(observation, initial);
+  /// From nothing, from `initial`, or from where another model's search ended.
+  Solution solve(Candidate& c, const Observation& observation, const PoseVector* initial, const Candidate* searched = nullptr) {
+    if (c.booth) {
+      if (initial) return c.booth->start_from(observation, {initial, 1});
+      return searched ? c.booth->start_from(observation, searched->booth->finalists()) : c.booth->start(observation);
+    }
     return c.paper->step(observation, *field, Random(settings.seed, observation.frame), initial);
   }
 
@@ -89,7 +93,7 @@ struct Estimator::Impl {
     rival = nullptr;
     if (!person) {  // somebody who was lost is looked for with the body that is known
       for (std::size_t i = 1; i < candidates.size(); ++i) {
-        Solution other = solve(candidates[i], observation, initial);
+        Solution other = solve(candidates[i], observation, initial, &candidates.front());
         iterations += other.iterations;
         if (other.found && (!best.found || other.report.energy < best.report.energy)) {
           std::swap(best, other);

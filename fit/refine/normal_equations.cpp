@@ -1,4 +1,4 @@
-// The one hot loop of refinement: a rank-32 update of the lower triangle, lane by lane.
+// The one hot loop of refinement: a rank-64 update of the lower triangle, lane by lane.
 #include "fit/refine/normal_equations.hpp"
 
 #include <algorithm>
@@ -60,10 +60,9 @@ void NormalEquations::flush() {
   if (rows_ == 0) return;
   rank_update(block_.data(), rows_, unknowns_, stride_, product_.data());
   for (int i = 0; i < unknowns_; ++i) {
-    for (int j = 0; j <= i; ++j) {
-      hessian_(i, j) += static_cast<double>(product_[static_cast<std::size_t>(i * stride_ + j)]);
-      hessian_(j, i) = hessian_(i, j);
-    }
+    const float* product = product_.data() + i * stride_;
+    double* sum = hessian_.col(i).data();
+    for (int j = 0; j <= i; ++j) sum[j] += static_cast<double>(product[j]);
   }
   for (int r = 0; r < rows_; ++r) {
     const double residual = static_cast<double>(residual_[static_cast<std::size_t>(r)]);
@@ -84,6 +83,7 @@ void NormalEquations::add(NormalEquations& other) {
 
 const UnknownMatrix& NormalEquations::hessian() {
   flush();
+  hessian_.triangularView<Eigen::StrictlyLower>() = hessian_.transpose();
   return hessian_;
 }
 

@@ -35,7 +35,7 @@ class NormalEquations {
 
  private:
   void flush();
-  static constexpr int kBlock = 32;
+  static constexpr int kBlock = 64;
   int unknowns_ = 0, stride_ = 0, rows_ = 0;
   std::vector<float> block_, residual_, product_;
   UnknownMatrix hessian_;

@@ -30,7 +30,8 @@ constexpr float kFloorScale = 0.05f;         // m
 constexpr float kNormalGate = 0.2f;          // cosine between a point's and a vertex's normal
 constexpr double kFirstDamping = 1e-3, kMostDamping = 1e6;
 constexpr double kLongestTurn = 0.35, kLongestMove = 0.15, kLongestShape = 1.0;  // of one step: rad, m, standard deviations
-constexpr double kConverged = 2e-4;
+constexpr double kConverged = 2e-4;          // no unknown moves more: rad, m, standard deviations
+constexpr double kNoGain = 2e-4;             // of the energy that a step must take off to be worth another
 
 /// How much of `step` may be taken at once.
 double step_fraction(const UnknownVector& step) {
@@ -328,7 +329,7 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
       const double trial = evaluate(trial_q, trial_beta);
       ++report.iterations;
       if (trial <= energy) {
-        converged = step_.cwiseAbs().maxCoeff() < kConverged;
+        converged = step_.cwiseAbs().maxCoeff() < kConverged || energy - trial < kNoGain * energy;
         q = trial_q, beta = trial_beta, energy = trial;
         information_ = hessian_;
         gradient = gradient_;

@@ -19,7 +19,7 @@ struct StartCandidate {
 /// Deterministic for any number of threads.
 class StartSearch {
  public:
-  static constexpr int kHeadings = 24, kSamples = 192;
+  static constexpr int kHeadings = 12, kSamples = 128;
 
   StartSearch(const BodyModel& model, const PosePrior& prior, WorkerPool& pool);
 

@@ -9,8 +9,9 @@ namespace booth::fit {
 namespace {
 
 constexpr int kShapeCount = 24;        // coefficients that preset booth follows
-constexpr int kCandidates = 20;        // poses that get a first refinement
-constexpr int kFinalists = 3;          // and those of them that get a full one
+constexpr int kBatch = 14;             // candidates that get a first refinement together
+constexpr int kBatches = 3;            // of them at most: the next is tried only when the best so far does not convince
+constexpr double kConvincingData = 0.07, kConvincingFreeSpace = 0.03;
 constexpr int kFewestPoints = 200;     // fewer are no person
 constexpr double kLostData = 0.55;     // robust residual above which the model does not explain the cloud
 constexpr double kLostFreeSpace = 0.45;
@@ -42,8 +43,8 @@ BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerP
   no_belief_ = identity(coarse_.shape_count());
   belief_ = identity(fine_.shape_count());
   vertex_velocity_ = Vertices::Zero(3, fine_.poser().size());
-  candidates_.reserve(kCandidates);
-  solutions_.resize(kCandidates);
+  candidates_.reserve(kBatches * kBatch);
+  solutions_.resize(kBatch);
   reset();
 }
 
@@ -71,43 +72,68 @@ void BoothFitter::refine_fine(const Observation& observation, const RefineSchedu
   solution.found = accepted(solution.report, observation);
 }
 
-Solution BoothFitter::start(const Observation& observation, const PoseVector* initial) {
-  Solution best;
-  best.beta = beta_;
-  if (observation.cloud.size < kFewestPoints) return best;
-  const bool from_cloud_alone = observation.views.empty();
-  for (RefineSchedule* s : {&coarse_schedule_, &middle_schedule_, &start_schedule_}) s->model_to_cloud = from_cloud_alone;
-  const PoseBelief nothing;
+void BoothFitter::prepare_schedules(const Observation& observation) {
+  // Without images only the cloud itself can say where the model does not belong.
+  for (RefineSchedule* s : {&coarse_schedule_, &middle_schedule_, &start_schedule_}) s->model_to_cloud = observation.views.empty();
+  middle_schedule_.shape = shape_frames_ == 0;
+}
 
-  int iterations = 0;
-  if (initial) {
-    best.q = *initial;
-  } else {
-    const bool known = shape_frames_ > 0;
-    if (known) search_.set_shape(beta_);
-    search_.search(observation, kCandidates, candidates_);
-    const auto by_energy = [](const Solution& a, const Solution& b) { return a.report.energy < b.report.energy; };
+Solution BoothFitter::start(const Observation& observation) {
+  finalist_count_ = 0;
+  if (observation.cloud.size < kFewestPoints) return start_from(observation, {});
+  prepare_schedules(observation);
+  if (shape_frames_ > 0) search_.set_shape(beta_);
+  search_.search(observation, kBatches * kBatch, candidates_);
+
+  Solution best;
+  std::array<PoseVector, kFinalists> best_finalists;
+  int best_count = 0, iterations = 0;
+  bool last_is_best = true;
+  for (std::size_t first = 0; first < candidates_.size(); first += kBatch) {
     auto end = solutions_.begin();
-    for (const StartCandidate& candidate : candidates_) {
+    for (std::size_t c = first; c < std::min(first + kBatch, candidates_.size()); ++c) {
       Solution& s = *end++;
-      s.q = candidate.q;
-      s.beta = known ? ShapeVector(beta_.head(coarse_.shape_count())) : ShapeVector::Zero(coarse_.shape_count());
-      s.report = coarse_.refine(observation, weights_, coarse_schedule_, nothing, no_belief_, nullptr, s.q, s.beta);
+      s.q = candidates_[c].q;
+      s.beta = beta_.head(coarse_.shape_count());
+      s.report = coarse_.refine(observation, weights_, coarse_schedule_, {}, no_belief_, nullptr, s.q, s.beta);
       iterations += s.report.iterations;
     }
-    std::sort(solutions_.begin(), end, by_energy);
-    const auto finalists = solutions_.begin() + std::min<std::ptrdiff_t>(kFinalists, end - solutions_.begin());
-    middle_schedule_.shape = !known;
-    for (auto s = solutions_.begin(); s != finalists; ++s) {
-      s->report = coarse_.refine(observation, weights_, middle_schedule_, nothing, no_belief_, nullptr, s->q, s->beta);
-      iterations += s->report.iterations;
-    }
-    std::sort(solutions_.begin(), finalists, by_energy);
-    best.q = solutions_.front().q;
-    if (!known) best.beta.head(coarse_.shape_count()) = solutions_.front().beta;
+    std::sort(solutions_.begin(), end, [](const Solution& a, const Solution& b) { return a.report.energy < b.report.energy; });
+    std::array<PoseVector, kFinalists> poses;
+    const auto count = std::min<std::size_t>(kFinalists, static_cast<std::size_t>(end - solutions_.begin()));
+    for (std::size_t i = 0; i < count; ++i) poses[i] = solutions_[i].q;
+    const Solution s = start_from(observation, {poses.data(), count});
+    iterations += s.iterations;
+    last_is_best = first == 0 || s.report.energy < best.report.energy;
+    if (last_is_best) best = s, best_finalists = finalists_, best_count = finalist_count_;
+    if (best.report.data < kConvincingData && best.report.free_space < kConvincingFreeSpace) break;
   }
+  finalists_ = best_finalists;
+  finalist_count_ = best_count;
+  if (!last_is_best) refine_fine(observation, start_schedule_, {}, nullptr, best);  // the refiner has to stand at the solution
   best.iterations = iterations;
-  refine_fine(observation, start_schedule_, nothing, nullptr, best);
+  return best;
+}
+
+Solution BoothFitter::start_from(const Observation& observation, std::span<const PoseVector> poses) {
+  Solution best;
+  best.beta = beta_;
+  finalist_count_ = 0;
+  if (poses.empty() || observation.cloud.size < kFewestPoints) return best;
+  prepare_schedules(observation);
+  auto end = solutions_.begin();
+  for (const PoseVector& q : poses.first(std::min<std::size_t>(poses.size(), kFinalists))) {
+    Solution& s = *end++;
+    s.q = q;
+    s.beta = beta_.head(coarse_.shape_count());
+    s.report = coarse_.refine(observation, weights_, middle_schedule_, {}, no_belief_, nullptr, s.q, s.beta);
+    best.iterations += s.report.iterations;
+  }
+  std::sort(solutions_.begin(), end, [](const Solution& a, const Solution& b) { return a.report.energy < b.report.energy; });
+  for (auto s = solutions_.begin(); s != end; ++s) finalists_[static_cast<std::size_t>(finalist_count_++)] = s->q;
+  best.q = solutions_.front().q;
+  best.beta.head(coarse_.shape_count()) = solutions_.front().beta;
+  refine_fine(observation, start_schedule_, {}, nullptr, best);
   return best;
 }
 

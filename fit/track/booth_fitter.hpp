@@ -1,6 +1,8 @@
 // Preset `booth` for one body model: start from nothing, follow from frame to frame, and learn the person's shape on the way.
 #pragma once
 
+#include <array>
+#include <span>
 #include <vector>
 
 #include "fit/refine/refiner.hpp"
@@ -26,8 +28,12 @@ class BoothFitter {
   /// Forgets pose and motion; the shape that was learnt stays.
   void lose();
 
-  /// From nothing, or from `initial`. Does not change what is remembered: see adopt().
-  Solution start(const Observation& observation, const PoseVector* initial = nullptr);
+  /// From nothing. Does not change what is remembered: see adopt().
+  Solution start(const Observation& observation);
+  /// From the given poses: the best after a first refinement gets the full one.
+  Solution start_from(const Observation& observation, std::span<const PoseVector> poses);
+  /// The poses that the last start() or start_from() refined with some shape, best first: where another model may start.
+  std::span<const PoseVector> finalists() const { return {finalists_.data(), static_cast<std::size_t>(finalist_count_)}; }
   /// Takes a solution as the person's state at the observation's time.
   void adopt(const Observation& observation, const Solution& solution);
   /// The next frame from the remembered state. Remembers the result if it was found.
@@ -43,6 +49,7 @@ class BoothFitter {
 
  private:
   static constexpr int kSettledFrames = 20;
+  void prepare_schedules(const Observation& observation);
   bool accepted(const RefineReport& report, const Observation& observation) const;
   void learn_shape(const Solution& solution);
   void refine_fine(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity, Solution& solution);
@@ -63,6 +70,9 @@ class BoothFitter {
   Vertices vertex_velocity_;
   std::vector<StartCandidate> candidates_;
   std::vector<Solution> solutions_;
+  static constexpr int kFinalists = 3;  ///< candidates that get a second refinement, with some shape
+  std::array<PoseVector, kFinalists> finalists_;
+  int finalist_count_ = 0;
 };
 
 }  // namespace booth::fit
