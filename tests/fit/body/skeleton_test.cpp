@@ -1,0 +1,89 @@
+// Forward kinematics against an independent implementation's results, and the mirror.
+#include "fit/body/skeleton.hpp"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace booth::fit {
+namespace {
+
+struct Row {
+  PoseVector q;
+  Points3 joints;
+};
+
+/// The fixture: 36 angles, then x, y, z of the joints in its own order; row 1 is q = 0, the others turn one angle by 0.5 rad.
+std::vector<Row> read_fixture() {
+  std::ifstream in(std::string(BOOTH_SOURCE_DIR) + "/tests/fit/body/fk_check.csv");
+  std::string line, cell;
+  std::vector<std::string> names;
+  std::getline(in, line);
+  for (std::istringstream words(line); std::getline(words, cell, ',');) names.push_back(cell);
+  std::vector<Row> rows;
+  while (std::getline(in, line)) {
+    Row row;
+    row.joints.setConstant(1e9);
+    std::istringstream words(line);
+    for (std::size_t i = 0; i < names.size() && std::getline(words, cell, ','); ++i) {
+      const double value = std::stod(cell);
+      if (i < kDofs) {
+        row.q[static_cast<Eigen::Index>(i)] = value;
+      } else {
+        const int joint = joint_index(names[i].substr(0, names[i].size() - 2));
+        EXPECT_GE(joint, 0) << names[i];
+        row.joints(names[i].back() - 'x', joint) = value;
+      }
+    }
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+TEST(Skeleton, ForwardKinematicsReproducesTheReference) {
+  const auto rows = read_fixture();
+  ASSERT_EQ(rows.size(), 13u);
+  for (const auto& row : rows) {
+    Kinematics kin;
+    forward_kinematics(row.q, average_bone_vectors(), kin);
+    EXPECT_LT((kin.joint - row.joints).cwiseAbs().maxCoeff(), 5e-6) << row.q.transpose();
+  }
+}
+
+TEST(Skeleton, EachFixtureRowTurnsAtMostOneAngle) {
+  for (const auto& row : read_fixture()) EXPECT_LE((row.q.array() != 0).count(), 1);
+}
+
+TEST(Skeleton, MirrorIsAnInvolutionThatReflectsTheJoints) {
+  PoseVector q;
+  for (int i = 0; i < kDofs; ++i) q[i] = 0.3 * std::sin(1.7 * i + 0.4);
+  EXPECT_EQ(mirror(mirror(q)), q);
+  Kinematics a, b;
+  forward_kinematics(q, average_bone_vectors(), a);
+  forward_kinematics(mirror(q), average_bone_vectors(), b);
+  for (int j = 0; j < kJoints; ++j) {
+    const Eigen::Vector3d p = a.joint.col(j);
+    EXPECT_LT((Eigen::Vector3d(-p.x(), p.y(), p.z()) - b.joint.col(mirror_bone(j))).norm(), 1e-5) << bones()[j].end_joint;
+  }
+}
+
+TEST(Skeleton, KneesBendBackwardsAndElbowsForwards) {
+  Kinematics neutral, bent;
+  PoseVector q = PoseVector::Zero();
+  q[26] = -20 * 3.14159265358979 / 180;  // left thigh hangs
+  q[13] = 75 * 3.14159265358979 / 180;   // left arm hangs
+  forward_kinematics(q, average_bone_vectors(), neutral);
+  q[27] = 1;
+  q[14] = 1;
+  forward_kinematics(q, average_bone_vectors(), bent);
+  const int ankle = joint_index("lankle"), wrist = joint_index("lwrist");
+  EXPECT_LT(bent.joint(2, ankle), neutral.joint(2, ankle) - 0.2);
+  EXPECT_GT(bent.joint(1, ankle), neutral.joint(1, ankle) + 0.1);
+  EXPECT_GT(bent.joint(1, wrist), neutral.joint(1, wrist) + 0.05);
+}
+
+}  // namespace
+}  // namespace booth::fit
