@@ -105,7 +105,7 @@ int run_model_train_shape(const TrainShapeOptions& options, std::ostream& out) {
   settings.threads = std::clamp(options.threads, 1, 64);
   auto training = fit::train::train_shapes(base, men, women, settings, progress);
 
-  const auto mesh = inspect(training.mesh.average, training.mesh.faces);
+  const auto mesh = fit::train::inspect(training.mesh.average, training.mesh.faces);
   out << fmt::format("template: {} vertices, {} faces, closed, Euler number {}, edges {:.2f} cm (5 % {:.2f}, 95 % {:.2f})\n", mesh.vertices, mesh.faces, mesh.euler(),
                      100 * mesh.edge_mean, 100 * mesh.edge_p05, 100 * mesh.edge_p95);
   std::vector<TestBody> bodies;
