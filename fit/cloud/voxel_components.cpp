@@ -18,6 +18,8 @@ constexpr int kSpeck = 4;                // voxels; less is no thing
 // m^3 as Component::volume has them, from 1, 2, and 3 or more cameras. A squatting person fills 0.057, 0.094, 0.113, a chair with a back of 1.1 m
 // 0.040, 0.049, 0.066: the more sides are seen, the more of the hollow between them counts.
 constexpr std::array<float, 3> kCrouchingVolume{0.048f, 0.070f, 0.088f};
+constexpr int kCrumb = 12;               // voxels; as little as this, and this low, is the floor's noise and no limb
+constexpr float kCrumbHeight = 0.12f;    // m above the floor
 constexpr float kLimbFraction = 0.35f;   // of a person's voxels: a piece larger than this is not a limb that came off
 
 }  // namespace
@@ -170,10 +172,14 @@ void VoxelComponents::unite_groups(int a, int b) {
   to.person_sized = to.person_sized || from.person_sized || is_person_sized(to);
 }
 
-/// Kruskal over the gaps: the nearest pieces first. Two persons never become one, and nothing of a thing's size joins a person.
-void VoxelComponents::rejoin() {
-  for (std::size_t i = 0; i < occupied_.size(); ++i)
-    if (occupied_[i].component >= 0 && !components_[static_cast<std::size_t>(occupied_[i].component)].person_sized) loose_.push_back(static_cast<std::int32_t>(i));
+/// Kruskal over the gaps: the nearest pieces first. Two persons never become one, and neither things nor crumbs of the floor join a person.
+void VoxelComponents::rejoin(float floor_height) {
+  const int crumb_top = pad_ + static_cast<int>((kFloorSearch + floor_height + kCrumbHeight) * inverse_voxel_);
+  for (std::size_t i = 0; i < occupied_.size(); ++i) {
+    if (occupied_[i].component < 0) continue;
+    const Component& c = components_[static_cast<std::size_t>(occupied_[i].component)];
+    if (!c.person_sized && !(c.voxels < kCrumb && c.high[1] < crumb_top)) loose_.push_back(static_cast<std::int32_t>(i));
+  }
   for (const Offset& offset : ball_) {
     for (const std::int32_t i : loose_) {
       const Occupied& o = occupied_[static_cast<std::size_t>(i)];
@@ -196,7 +202,7 @@ bool VoxelComponents::judge(CloudReport& report) {
   crouching_volume_ = kCrouchingVolume[static_cast<std::size_t>(std::clamp(report.frames, 1, 3) - 1)];
   connect();
   measure();
-  rejoin();
+  rejoin(report.floor_height);
 
   int chosen = -1;
   double nearest = 0;

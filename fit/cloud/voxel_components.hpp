@@ -21,7 +21,7 @@ class VoxelComponents {
   void clear();
   /// Counts a point (CMU frame) and returns the number of its voxel among the occupied ones; points beyond the stage count at its edge.
   int insert(const Eigen::Vector3f& p);
-  /// Decides about all voxels, which report.frames cameras saw; fills persons, other_components and touches_border. True when there is a person.
+  /// Decides about all voxels, which report.frames cameras saw above report.floor_height; fills persons, other_components and touches_border. True when there is a person.
   bool judge(CloudReport& report);
   VoxelVerdict verdict(int occupied) const { return occupied_[static_cast<std::size_t>(occupied)].verdict; }
 
@@ -48,7 +48,7 @@ class VoxelComponents {
   int find_group(int c);
   void connect();
   void measure();
-  void rejoin();
+  void rejoin(float floor_height);
   void unite_groups(int a, int b);
   bool is_person_sized(const Component& c) const;
 
@@ -61,7 +61,7 @@ class VoxelComponents {
   std::vector<std::int32_t> index_of_;  // of each voxel among the occupied; -1 = empty
   std::vector<Occupied> occupied_;
   std::vector<Component> components_;
-  std::vector<std::int32_t> loose_;     // voxels of components that are not a person's size
+  std::vector<std::int32_t> loose_;     // voxels of components that are not a person's size, crumbs left out
   std::vector<Offset> ball_;            // offsets within rejoin_gap, nearest first
 };
 

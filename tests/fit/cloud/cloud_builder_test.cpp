@@ -433,6 +433,20 @@ TEST(CloudBuilder, AForearmThatCameOffIsTakenBack) {
   EXPECT_LT(labelled(without, frame, 5, PixelLabel::person), 0.1) << "or the test proves nothing";
 }
 
+TEST(CloudBuilder, CrumbsOfTheFloorDoNotJoinTheFeet) {
+  Scene scene;
+  scene.add_person(0, 0);
+  for (const float x : {0.295f, -0.315f}) scene.capsules.push_back({{x, 0.04f, 0.1f}, {x + 0.02f, 0.04f, 0.12f}, 0.02f, 7});  // within the gap that limbs may have
+  scene.noise = 0.003f;
+  const auto rig = booth_cameras();
+  const BoothFrame frame(scene, rig);
+  CloudBuilder builder({}, rig);
+  const Built built(builder, frame.inputs);
+  ASSERT_TRUE(built.person);
+  EXPECT_LT(labelled(built, frame, 7, PixelLabel::person), 0.05);
+  EXPECT_GT(labelled(built, frame, 1, PixelLabel::person), 0.93);
+}
+
 TEST(CloudBuilder, ThinsToTheCapacityEvenly) {
   Scene scene;
   scene.add_person(0, 0);
