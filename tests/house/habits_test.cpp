@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <sstream>
 
 #include "tests/house/command.hpp"
@@ -55,6 +57,33 @@ TEST(Habits, ShellScriptsAreCleanToShellcheck) {
   if (!has_program("shellcheck")) GTEST_SKIP() << "skipped: shellcheck is not installed";
   const CommandResult result = run_in_source_tree("shellcheck $(grep -lE '^#!/bin/(ba)?sh' toolchain/* .ci/* 2>/dev/null)");
   EXPECT_EQ(result.status, 0) << result.output;
+}
+
+/// Targets of [text](target) that are files of ours, without their #anchors.
+std::vector<std::string> links_of(const std::string& page) {
+  std::vector<std::string> out;
+  for (std::size_t at = page.find("]("); at != std::string::npos; at = page.find("](", at + 2)) {
+    std::string target = page.substr(at + 2, page.find(')', at) - at - 2);
+    target.resize(std::min(target.size(), target.find('#')));
+    if (!target.empty() && target.find("://") == std::string::npos) out.push_back(target);
+  }
+  return out;
+}
+
+TEST(Habits, LinksBetweenPagesLeadSomewhere) {
+  EXPECT_EQ(links_of("[a](b.md) and [c](d/e.md#f), [g](https://h.i), [j](#k)"), (std::vector<std::string>{"b.md", "d/e.md"}));
+  std::vector<std::filesystem::path> pages;
+  for (const auto& entry : std::filesystem::directory_iterator(kRoot))
+    if (entry.path().extension() == ".md") pages.push_back(entry.path());
+  for (const char* folder : {"hal", "drivers", "fit", "daemon", "systemd", "tests", "toolchain", "docs"})
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(kRoot / folder))
+      if (entry.path().extension() == ".md") pages.push_back(entry.path());
+  EXPECT_GT(pages.size(), 10u);
+  for (const auto& page : pages) {
+    std::ifstream in(page, std::ios::binary);
+    for (const std::string& target : links_of({std::istreambuf_iterator<char>(in), {}}))
+      EXPECT_TRUE(std::filesystem::exists(page.parent_path() / target)) << page << " links to " << target;
+  }
 }
 
 TEST(Habits, NothingNamesTheWorkplaceItWasMadeIn) {
