@@ -1,10 +1,12 @@
 // The daemon's main thread: puts the rooms together, waits for signals, feeds the watchdog, takes everything down in order.
 #include <fmt/format.h>
 #include <signal.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
+#include <optional>
 
 #include "daemon/config/load.hpp"
 #include "daemon/ctl/control_protocol.hpp"
@@ -39,6 +41,20 @@ auto stage(ExitStatus status, F make) {
     throw StartFailure(status, e.what());
   }
 }
+
+/// Removes the socket's file, also when the start fails later on.
+struct SocketFile {
+  explicit SocketFile(std::filesystem::path p) : path(std::move(p)) {}
+  ~SocketFile() { ::unlink(path.c_str()); }
+  SocketFile(const SocketFile&) = delete;
+  std::filesystem::path path;
+};
+
+/// Ends the session before anything is taken apart that it needs, on every way out.
+struct ShutdownFirst {
+  Controller& controller;
+  ~ShutdownFirst() { controller.shutdown("signal"); }
+};
 
 ControllerSettings controller_settings(const Config& config, const DepthSource& source, const FitSetup& fit) {
   ControllerSettings out;
@@ -113,11 +129,19 @@ void print_plan(const std::vector<MemoryItem>& plan) {
 
 ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only) {
   set_log_level(log_level_by_name(config.log.level));
+  // First of all: a second boothd must find out that it is one before it touches cameras or the sessions of the first.
+  UniqueFd listener;
+  std::optional<SocketFile> socket_file;
+  if (!check_only) {
+    listener = stage(kUnavailable, [&] { return listen_unix(config.control.socket); });
+    socket_file.emplace(config.control.socket);
+  }
   DepthSource source = stage(kUnavailable, [&] { return open_source(config); });
   if (static_cast<int>(source.cameras.size()) > kMaxCameras)
     throw StartFailure(kConfiguration, fmt::format("{} has {} cameras; boothd works with at most {}", source.name, source.cameras.size(), kMaxCameras));
   if (static_cast<std::int64_t>(source.cameras.size()) < config.cameras.minimum)
-    throw StartFailure(kConfiguration, fmt::format("{} has {} cameras, fewer than cameras.minimum = {}", source.name, source.cameras.size(), config.cameras.minimum));
+    throw StartFailure(kConfiguration,
+                       fmt::format("{} has {} cameras, fewer than cameras.minimum = {}", source.name, source.cameras.size(), config.cameras.minimum));
   FitSetup fit = stage(kConfiguration, [&] { return make_fit_setup(config, source.cameras, source.background); });
 
   Controller controller(controller_settings(config, source, fit), *source.clock);
@@ -144,19 +168,14 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
   }
   Pipeline pipeline(pipeline_settings(config), source.cameras, *source.clock, *fit.fitter, controller);
   controller.run(pipeline, *fit.fitter, dds.get());
-  ExitStatus status;
-  {
-    auto server = stage(kUnavailable, [&] {
-      return std::make_unique<ControlServer>(config.control.socket, [&](const std::string& line) { return answer_request(line, controller); });
-    });
-    log_line(LogLevel::info, fmt::format("boothd {} is ready: {}; {} cameras; control socket {}", BOOTHD_VERSION, source.name, source.cameras.size(), config.control.socket));
-    notify_ready("idle");
-    status = watch(signals, pipeline, controller, *source.clock);
-    notify_stopping();
-    if (status == kInternal) std::_Exit(kInternal);  // joining a hung thread would hang, too
-  }
-  controller.shutdown("signal");
-  log_line(LogLevel::info, "stopped");
+  const ShutdownFirst shutdown_first{controller};
+  const ControlServer server(config.control.socket, std::move(listener), [&](const std::string& line) { return answer_request(line, controller); });
+  log_line(LogLevel::info,
+           fmt::format("boothd {} is ready: {}; {} cameras; control socket {}", BOOTHD_VERSION, source.name, source.cameras.size(), config.control.socket));
+  notify_ready("idle");
+  const ExitStatus status = watch(signals, pipeline, controller, *source.clock);
+  notify_stopping();
+  if (status == kInternal) std::_Exit(kInternal);  // joining a hung thread would hang, too
   return status;
 }
 
@@ -166,7 +185,9 @@ int run(int argc, char** argv) {
   std::string file;
   bool check_only = false;
   app.add_option("--config", file, "Configuration file; without it /etc/boothd/boothd.toml where it exists");
-  app.add_option("--set", sources.assignments, "key=value, over the file's; may be given several times")->expected(1)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  app.add_option("--set", sources.assignments, "key=value, over the file's; may be given several times")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   app.add_flag("--check-config", check_only, "Print the resolved configuration, the memory plan and every error, and do nothing else");
   app.set_version_flag("--version", "boothd " BOOTHD_VERSION);
   app.footer("Exit status: 0 stopped as asked, 64 usage, 69 something needed at the start is missing, 70 internal fault, 78 configuration.");

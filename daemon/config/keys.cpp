@@ -19,7 +19,8 @@ Overload(F...) -> Overload<F...>;
 
 std::string check_id(std::string_view v) {
   const auto good = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_'; };
-  return !v.empty() && v.size() <= 32 && std::all_of(v.begin(), v.end(), good) ? "" : "must be 1 to 32 letters, digits, '-' or '_' (it names the DDS partition)";
+  return !v.empty() && v.size() <= 32 && std::all_of(v.begin(), v.end(), good) ? ""
+                                                                               : "must be 1 to 32 letters, digits, '-' or '_' (it names the DDS partition)";
 }
 
 std::string check_socket(std::string_view v) {
@@ -29,7 +30,9 @@ std::string check_socket(std::string_view v) {
 
 std::string check_path(std::string_view v) { return v.empty() ? "must not be empty" : ""; }
 
-bool is_number(std::string_view v) { return !v.empty() && v.size() < 6 && std::all_of(v.begin(), v.end(), [](char c) { return c >= '0' && c <= '9'; }); }
+bool is_number(std::string_view v) {
+  return !v.empty() && v.size() < 6 && std::all_of(v.begin(), v.end(), [](char c) { return c >= '0' && c <= '9'; });
+}
 
 std::string check_body(std::string_view v) {
   return v == "men" || v == "women" || (v.starts_with("test:") && is_number(v.substr(5))) ? "" : "must be \"men\", \"women\" or \"test:N\"";
@@ -93,17 +96,36 @@ const std::vector<ConfigKey>& table() {
       {.name = "models.directory",
        .slot = BOOTH_SLOT(models.directory),
        .doc = "Folder with men.npz, women.npz and pose.npz; empty: $BOOTHD_MODELS, then the installed models, then those of the source tree."},
-      {.name = "stage.radius", .slot = BOOTH_SLOT(stage.radius), .doc = "Radius of the cylinder in which a person is looked for, metres.", .minimum = 0.5, .maximum = 5},
+      {.name = "stage.radius",
+       .slot = BOOTH_SLOT(stage.radius),
+       .doc = "Radius of the cylinder in which a person is looked for, metres.",
+       .minimum = 0.5,
+       .maximum = 5},
       {.name = "stage.height", .slot = BOOTH_SLOT(stage.height), .doc = "Height of that cylinder above the floor, metres.", .minimum = 1, .maximum = 4},
-      {.name = "stage.centre_x", .slot = BOOTH_SLOT(stage.centre_x), .doc = "Centre of the cylinder, x forward, booth frame, metres.", .minimum = -10, .maximum = 10},
-      {.name = "stage.centre_y", .slot = BOOTH_SLOT(stage.centre_y), .doc = "Centre of the cylinder, y left, booth frame, metres.", .minimum = -10, .maximum = 10},
+      {.name = "stage.centre_x",
+       .slot = BOOTH_SLOT(stage.centre_x),
+       .doc = "Centre of the cylinder, x forward, booth frame, metres.",
+       .minimum = -10,
+       .maximum = 10},
+      {.name = "stage.centre_y",
+       .slot = BOOTH_SLOT(stage.centre_y),
+       .doc = "Centre of the cylinder, y left, booth frame, metres.",
+       .minimum = -10,
+       .maximum = 10},
       {.name = "fit.preset",
        .slot = BOOTH_SLOT(fit.preset),
        .doc = "`booth` is the daemon's own estimator, `paper` the published particle swarm.",
        .choices = {"booth", "paper"}},
       {.name = "fit.backend", .slot = BOOTH_SLOT(fit.backend), .doc = "What computes the fit.", .choices = {"cpu"}, .absent = {"cuda"}},
-      {.name = "fit.sex", .slot = BOOTH_SLOT(fit.sex), .doc = "Which body model to fit; `auto` fits both and keeps the better.", .choices = {"auto", "men", "women"}},
-      {.name = "fit.threads", .slot = BOOTH_SLOT(fit.threads), .doc = "Worker threads of the fit; the result does not depend on it.", .minimum = 1, .maximum = 64},
+      {.name = "fit.sex",
+       .slot = BOOTH_SLOT(fit.sex),
+       .doc = "Which body model to fit; `auto` fits both and keeps the better.",
+       .choices = {"auto", "men", "women"}},
+      {.name = "fit.threads",
+       .slot = BOOTH_SLOT(fit.threads),
+       .doc = "Worker threads of the fit; the result does not depend on it.",
+       .minimum = 1,
+       .maximum = 64},
       {.name = "fit.seed", .slot = BOOTH_SLOT(fit.seed), .doc = "Seed of the fit's random numbers.", .minimum = 0, .maximum = 9e15},
       {.name = "session.directory",
        .slot = BOOTH_SLOT(session.directory),
@@ -119,7 +141,11 @@ const std::vector<ConfigKey>& table() {
        .doc = "Sessions older than this many days are deleted; 0: no limit.",
        .minimum = 0,
        .maximum = 36500},
-      {.name = "session.max_seconds", .slot = BOOTH_SLOT(session.max_seconds), .doc = "A session ends by itself after this many seconds.", .minimum = 1, .maximum = 86400},
+      {.name = "session.max_seconds",
+       .slot = BOOTH_SLOT(session.max_seconds),
+       .doc = "A session ends by itself after this many seconds.",
+       .minimum = 1,
+       .maximum = 86400},
       {.name = "session.search_seconds",
        .slot = BOOTH_SLOT(session.search_seconds),
        .doc = "A session ends by itself when the person has been lost for this many seconds.",

@@ -17,11 +17,11 @@ namespace booth::daemon {
 using ConfigSlot = std::variant<bool*, std::int64_t*, double*, std::string*, std::vector<std::string>*>;
 
 struct ConfigKey {
-  std::string_view name;                    ///< dotted, as in TOML
+  std::string_view name;  ///< dotted, as in TOML
   ConfigSlot (*slot)(Config&);
-  std::string_view doc;                     ///< one sentence
+  std::string_view doc;                                                                                          ///< one sentence
   double minimum = -std::numeric_limits<double>::infinity(), maximum = std::numeric_limits<double>::infinity();  ///< of numbers
-  std::vector<std::string_view> choices{};  ///< of text; empty: any
+  std::vector<std::string_view> choices{};                                                                       ///< of text; empty: any
   /// Values that the format knows but this build cannot do; they are refused as such.
   std::vector<std::string_view> absent{};
   /// Returns what is wrong with a text, empty when nothing is.

@@ -16,7 +16,10 @@ constexpr std::chrono::milliseconds kSendLimit(500);
 }
 
 ControlServer::ControlServer(std::filesystem::path path, std::function<std::string(const std::string&)> answer)
-    : path_(std::move(path)), answer_(std::move(answer)), listener_(listen_unix(path_)), wake_(::eventfd(0, EFD_CLOEXEC)) {
+    : ControlServer(path, listen_unix(path), std::move(answer)) {}
+
+ControlServer::ControlServer(std::filesystem::path path, UniqueFd listener, std::function<std::string(const std::string&)> answer)
+    : path_(std::move(path)), answer_(std::move(answer)), listener_(std::move(listener)), wake_(::eventfd(0, EFD_CLOEXEC)) {
   if (!wake_) throw std::runtime_error("cannot make an eventfd");
   thread_ = std::thread([this] { serve(); });
 }

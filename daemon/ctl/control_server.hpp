@@ -19,6 +19,8 @@ class ControlServer {
 
   /// `answer` gets one line without its newline and returns one line (without). Throws as listen_unix().
   ControlServer(std::filesystem::path path, std::function<std::string(const std::string&)> answer);
+  /// The same on a socket that listens already: whoever connected meanwhile is answered now.
+  ControlServer(std::filesystem::path path, UniqueFd listener, std::function<std::string(const std::string&)> answer);
   ~ControlServer();
   ControlServer(const ControlServer&) = delete;
 

@@ -45,16 +45,17 @@ Json wait_for(ControlClient& client, double limit, const char* what, F there) {
 std::string summary(const Json& status) {
   const Json j = status.value("last_session", Json::object());
   if (j.empty() || j.value("id", "") != status.value("session", "?")) return {};
-  std::string out = fmt::format("frames     {} fitted at {:.1f} frames/s, {} groups dropped, nobody seen in {}\n", j.value("frames", 0), j.value("fps", 0.0), j.value("groups_dropped", 0),
-                                j.value("frames_lost", 0));
+  std::string out = fmt::format("frames     {} fitted at {:.1f} frames/s, {} groups dropped, nobody seen in {}\n", j.value("frames", 0), j.value("fps", 0.0),
+                                j.value("groups_dropped", 0), j.value("frames_lost", 0));
   if (j.contains("latency_ms"))
-    out += fmt::format("latency    {:.0f} ms from the cameras to DDS (95 %: {:.0f} ms, longest {:.0f} ms)\n", j["latency_ms"].value("p50", 0.0), j["latency_ms"].value("p95", 0.0),
-                       j["latency_ms"].value("max", 0.0));
-  if (j.contains("residual")) out += fmt::format("residual   {:.1f} mm from the measured points to the fitted surface\n", 1e3 * j["residual"].value("mean", 0.0));
+    out += fmt::format("latency    {:.0f} ms from the cameras to DDS (95 %: {:.0f} ms, longest {:.0f} ms)\n", j["latency_ms"].value("p50", 0.0),
+                       j["latency_ms"].value("p95", 0.0), j["latency_ms"].value("max", 0.0));
+  if (j.contains("residual"))
+    out += fmt::format("residual   {:.1f} mm from the measured points to the fitted surface\n", 1e3 * j["residual"].value("mean", 0.0));
   if (j.contains("truth")) {
     const Json& t = j["truth"];
-    out += fmt::format("truth      joints off by {:.1f} mm on average (95 %: {:.1f} mm), of 15 joints in {} frames", 1e3 * t.value("joint_mean", 0.0), 1e3 * t.value("joint_p95", 0.0),
-                       t.value("frames", 0));
+    out += fmt::format("truth      joints off by {:.1f} mm on average (95 %: {:.1f} mm), of 15 joints in {} frames", 1e3 * t.value("joint_mean", 0.0),
+                       1e3 * t.value("joint_p95", 0.0), t.value("frames", 0));
     if (t.contains("surface_mean")) out += fmt::format("; surface by {:.1f} mm", 1e3 * t.value("surface_mean", 0.0));
     out += "\n";
   }

@@ -22,18 +22,19 @@ struct Options {
 using Json = nlohmann::json;
 
 std::string for_people(const Json& s) {
-  std::string out = fmt::format("state      {}{}{}{}\n", s.value("state", "?"), s.value("paused", false) ? ", paused: too few cameras" : "",
-                                s.value("degraded", false) ? ", degraded: a camera is missing" : "", s.value("emergency_latched", false) ? ", emergency stop pressed" : "");
+  std::string out =
+      fmt::format("state      {}{}{}{}\n", s.value("state", "?"), s.value("paused", false) ? ", paused: too few cameras" : "",
+                  s.value("degraded", false) ? ", degraded: a camera is missing" : "", s.value("emergency_latched", false) ? ", emergency stop pressed" : "");
   if (const std::string alarm = s.value("alarm", ""); !alarm.empty()) out += "alarm      " + alarm + "\n";
   if (const std::string remark = s.value("remark", ""); !remark.empty()) out += "remark     " + remark + "\n";
   for (const Json& c : s.value("cameras", Json::array())) {
-    out += fmt::format("camera     {:<14} {:<9} {:>5.1f} frames/s, {} dropped, {} restarts{}\n", c.value("name", "?"), c.value("state", "?"), c.value("fps", 0.0),
-                       c.value("dropped", 0), c.value("restarts", 0), c.value("problem", "").empty() ? "" : ": " + c.value("problem", ""));
+    out += fmt::format("camera     {:<14} {:<9} {:>5.1f} frames/s, {} dropped, {} restarts{}\n", c.value("name", "?"), c.value("state", "?"),
+                       c.value("fps", 0.0), c.value("dropped", 0), c.value("restarts", 0), c.value("problem", "").empty() ? "" : ": " + c.value("problem", ""));
   }
   if (s.value("frames", 0) > 0) {
     const Json latency = s.value("latency_ms", Json::object());
-    out += fmt::format("fit        {} frames, {:.1f} frames/s, latency {:.0f} ms (99 %: {:.0f} ms), {} groups dropped", s.value("frames", 0), s.value("fps", 0.0),
-                       latency.value("p50", 0.0), latency.value("p99", 0.0), s.value("groups_dropped", 0));
+    out += fmt::format("fit        {} frames, {:.1f} frames/s, latency {:.0f} ms (99 %: {:.0f} ms), {} groups dropped", s.value("frames", 0),
+                       s.value("fps", 0.0), latency.value("p50", 0.0), latency.value("p99", 0.0), s.value("groups_dropped", 0));
     if (s.contains("residual")) out += fmt::format(", residual {:.1f} mm", 1e3 * s.value("residual", 0.0));
     out += "\n";
   }

@@ -61,9 +61,11 @@ int draw_pictures(const Options& options, const fs::path& folder, const std::vec
       fit::Points3 joints;
       for (std::size_t j = 0; j < kRecordJoints; ++j)
         joints.col(static_cast<Eigen::Index>(j)) = fit::cmu_from_booth({fitted.joints[j][0], fitted.joints[j][1], fitted.joints[j][2]});
-      const std::string caption = fmt::format("frame {}, {}, residual {:.1f} mm", fitted.sequence, source.cameras[cam]->description().name, 1e3 * static_cast<double>(fitted.residual));
+      const std::string caption =
+          fmt::format("frame {}, {}, residual {:.1f} mm", fitted.sequence, source.cameras[cam]->description().name, 1e3 * static_cast<double>(fitted.residual));
       write_png(folder / fmt::format("overlay-{:05}.png", fitted.sequence),
-                draw_overlay(input.frames[cam]->depth, fit_camera(source.cameras[cam]->description()), posed, model->data().faces, &joints, caption, {.rotation = options.rotate}));
+                draw_overlay(input.frames[cam]->depth, fit_camera(source.cameras[cam]->description()), posed, model->data().faces, &joints, caption,
+                             {.rotation = options.rotate}));
       break;
     }
     return next < chosen.size();
@@ -72,10 +74,11 @@ int draw_pictures(const Options& options, const fs::path& folder, const std::vec
 }
 
 void print_for_people(const SessionSummary& s, const fs::path& folder, double fit_ms) {
-  std::cout << fmt::format("{} frames ({:.1f} s), person seen in {}; residual {:.1f} mm (95 %: {:.1f} mm); {:.0f} ms a frame\n", s.frames, s.seconds, s.frames - s.frames_lost,
-                           1e3 * s.residual_mean, 1e3 * s.residual_p95, fit_ms);
+  std::cout << fmt::format("{} frames ({:.1f} s), person seen in {}; residual {:.1f} mm (95 %: {:.1f} mm); {:.0f} ms a frame\n", s.frames, s.seconds,
+                           s.frames - s.frames_lost, 1e3 * s.residual_mean, 1e3 * s.residual_p95, fit_ms);
   if (s.truth_known)
-    std::cout << fmt::format("against the truth: joints {:.1f} mm (95 %: {:.1f} mm), surface {:.1f} mm\n", 1e3 * s.joint_mean, 1e3 * s.joint_p95, 1e3 * s.surface_mean);
+    std::cout << fmt::format("against the truth: joints {:.1f} mm (95 %: {:.1f} mm), surface {:.1f} mm\n", 1e3 * s.joint_mean, 1e3 * s.joint_p95,
+                             1e3 * s.surface_mean);
   std::cout << "results in " << folder.string() << "\n";
 }
 
@@ -84,7 +87,8 @@ void run(const Options& options) {
   if (static_cast<int>(source.cameras.size()) > kMaxCameras)
     throw VerbFailure(fmt::format("{} has {} cameras; at most {} work together", options.recording, source.cameras.size(), kMaxCameras));
   FitSetup setup = make_fit_setup(options.config, source.cameras, source.background);
-  const fs::path folder = options.out.empty() ? fs::path(fs::path(options.recording + "/").parent_path().filename().string() + "-track") : fs::path(options.out);
+  const fs::path folder =
+      options.out.empty() ? fs::path(fs::path(options.recording + "/").parent_path().filename().string() + "-track") : fs::path(options.out);
   fs::create_directories(folder);
 
   std::vector<FrameRecord> frames;
@@ -93,15 +97,19 @@ void run(const Options& options) {
   const bool terminal = ::isatty(STDERR_FILENO);
   const OfflineCounters counters = run_offline(source.cameras, 1, *setup.fitter, [&](const FitInput&, const FrameRecord& record) {
     frames.push_back(record);
-    for (const Stage s : {Stage::cloud, Stage::fit}) (*histograms)[static_cast<std::size_t>(s)].add(hal::Nanoseconds(record.stage_ns[static_cast<std::size_t>(s)]));
+    for (const Stage s : {Stage::cloud, Stage::fit})
+      (*histograms)[static_cast<std::size_t>(s)].add(hal::Nanoseconds(record.stage_ns[static_cast<std::size_t>(s)]));
     if (record.person == PersonState::lost && remark != setup.fitter->remark()) remark = setup.fitter->remark();
-    if (terminal) std::cerr << fmt::format("\rframe {:5}  {:<9}  residual {:5.1f} mm ", record.sequence, record.person == PersonState::lost ? "lost" : "tracked", 1e3 * static_cast<double>(record.residual));
+    if (terminal)
+      std::cerr << fmt::format("\rframe {:5}  {:<9}  residual {:5.1f} mm ", record.sequence, record.person == PersonState::lost ? "lost" : "tracked",
+                               1e3 * static_cast<double>(record.residual));
     return true;
   });
   if (terminal) std::cerr << "\r\033[K";
   for (const auto& camera : source.cameras) {
     const hal::CameraCounters c = camera->counters();
-    if (c.corrupt > 0 || c.dropped > 0) std::cerr << fmt::format("warning: camera {}: {} frames missing, {} unreadable\n", camera->description().name, c.dropped, c.corrupt);
+    if (c.corrupt > 0 || c.dropped > 0)
+      std::cerr << fmt::format("warning: camera {}: {} frames missing, {} unreadable\n", camera->description().name, c.dropped, c.corrupt);
   }
   if (frames.empty()) throw VerbFailure(fmt::format("{}: there is no frame in it", options.recording));
 
@@ -146,7 +154,9 @@ void add_track_verb(CLI::App& app) {
   verb->add_option("--models", options->config.models.directory, "Folder of the model files");
   verb->add_option("--seed", fit.seed, "Seed of the random numbers")->check(CLI::NonNegativeNumber)->capture_default_str();
   verb->add_option("--threads", fit.threads, "Worker threads; the result does not depend on it")->check(CLI::Range(1, 64))->capture_default_str();
-  verb->add_option("--stage-radius", options->config.stage.radius, "Radius of the cylinder in which a person is looked for, metres")->check(CLI::Range(0.5, 5.0))->capture_default_str();
+  verb->add_option("--stage-radius", options->config.stage.radius, "Radius of the cylinder in which a person is looked for, metres")
+      ->check(CLI::Range(0.5, 5.0))
+      ->capture_default_str();
   verb->add_option("--pictures", options->pictures, "Draw so many depth images with the fit over them")->check(CLI::Range(0, 1000));
   verb->add_option("--rotate", options->rotate, "Turn the pictures clockwise, for a camera that lies on its side")->check(CLI::IsMember({0, 90, 180, 270}));
   verb->add_flag("--json", options->json, "Print session.json");

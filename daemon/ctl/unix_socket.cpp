@@ -47,9 +47,10 @@ void UniqueFd::reset() {
 
 UniqueFd listen_unix(const std::filesystem::path& path) {
   const sockaddr_un address = address_of(path);
-  struct stat info{};
+  struct stat info {};
   if (::lstat(path.c_str(), &info) == 0) {
-    if (!S_ISSOCK(info.st_mode)) throw std::runtime_error(fmt::format("{}: is there already and is not a socket; remove it or set control.socket", path.string()));
+    if (!S_ISSOCK(info.st_mode))
+      throw std::runtime_error(fmt::format("{}: is there already and is not a socket; remove it or set control.socket", path.string()));
     const UniqueFd probe = make_socket(path);
     if (try_connect(probe.get(), address)) throw std::runtime_error(fmt::format("{}: another boothd is running on this socket", path.string()));
     ::unlink(path.c_str());
@@ -64,8 +65,8 @@ UniqueFd listen_unix(const std::filesystem::path& path) {
   const int reason = errno;
   ::umask(old);
   if (bound != 0 || ::listen(fd.get(), 16) != 0)
-    throw std::runtime_error(
-        fmt::format("{}: cannot listen: {} (is the folder there and writable? the key is control.socket)", path.string(), std::strerror(bound != 0 ? reason : errno)));
+    throw std::runtime_error(fmt::format("{}: cannot listen: {} (is the folder there and writable? the key is control.socket)", path.string(),
+                                         std::strerror(bound != 0 ? reason : errno)));
   return fd;
 }
 
@@ -75,9 +76,12 @@ UniqueFd connect_unix(const std::filesystem::path& path) {
   if (try_connect(fd.get(), address)) return fd;
   switch (errno) {
     case ENOENT:
-    case ECONNREFUSED: throw std::runtime_error(fmt::format("boothd is not running (nobody listens on {})", path.string()));
-    case EACCES: throw std::runtime_error(fmt::format("{}: permission denied; are you in the group boothd?", path.string()));
-    default: throw std::runtime_error(fmt::format("{}: cannot connect: {}", path.string(), std::strerror(errno)));
+    case ECONNREFUSED:
+      throw std::runtime_error(fmt::format("boothd is not running (nobody listens on {})", path.string()));
+    case EACCES:
+      throw std::runtime_error(fmt::format("{}: permission denied; are you in the group boothd?", path.string()));
+    default:
+      throw std::runtime_error(fmt::format("{}: cannot connect: {}", path.string(), std::strerror(errno)));
   }
 }
 

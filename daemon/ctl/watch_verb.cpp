@@ -29,13 +29,17 @@ struct Options {
 std::string summary(const Json& s, double elapsed) {
   std::string line = fmt::format("{:5.1f} s  {:<10}", elapsed, s.value("state", "?"));
   if (!s.value("known", false)) return line;
-  return line + fmt::format(" {:<9} frame {:>5}  {:4.1f} frames/s  latency {:3.0f} ms  residual {:4.1f} mm  {} groups dropped", s.value("person", ""), s.value("frame", 0),
-                            s.value("fps", 0.0), s.value("latency_p50_ms", 0.0), 1e3 * s.value("residual", 0.0), s.value("groups_dropped", 0));
+  return line + fmt::format(" {:<9} frame {:>5}  {:4.1f} frames/s  latency {:3.0f} ms  residual {:4.1f} mm  {} groups dropped", s.value("person", ""),
+                            s.value("frame", 0), s.value("fps", 0.0), s.value("latency_p50_ms", 0.0), 1e3 * s.value("residual", 0.0),
+                            s.value("groups_dropped", 0));
 }
 
 std::string joints_line(const Joints& j) {
-  const auto at = [&](int i) { return fmt::format("({:5.2f} {:5.2f} {:5.2f})", j[static_cast<std::size_t>(i)][0], j[static_cast<std::size_t>(i)][1], j[static_cast<std::size_t>(i)][2]); };
-  return fmt::format("  root {}  head {}  left hand {}  right hand {}", at(0), at(fit::joint_index("head_top")), at(fit::joint_index("lwrist")), at(fit::joint_index("rwrist")));
+  const auto at = [&](int i) {
+    return fmt::format("({:5.2f} {:5.2f} {:5.2f})", j[static_cast<std::size_t>(i)][0], j[static_cast<std::size_t>(i)][1], j[static_cast<std::size_t>(i)][2]);
+  };
+  return fmt::format("  root {}  head {}  left hand {}  right hand {}", at(0), at(fit::joint_index("head_top")), at(fit::joint_index("lwrist")),
+                     at(fit::joint_index("rwrist")));
 }
 
 void run(const Options& options) {

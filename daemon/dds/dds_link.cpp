@@ -18,7 +18,8 @@ namespace {
 
 dds_entity_t check(dds_entity_t entity, const char* what) {
   if (entity < 0)
-    throw std::runtime_error(fmt::format("DDS: {} failed: {} (keys dds.domain, dds.interface, dds.multicast, dds.peers; or dds.enabled=false)", what, dds_strretcode(-entity)));
+    throw std::runtime_error(
+        fmt::format("DDS: {} failed: {} (keys dds.domain, dds.interface, dds.multicast, dds.peers; or dds.enabled=false)", what, dds_strretcode(-entity)));
   return entity;
 }
 

@@ -27,8 +27,8 @@ std::string dds_configuration(const DdsSettings& settings);
 struct BodySample {
   std::string session, model_version;
   RecordSex sex = RecordSex::men;
-  std::vector<double> beta;                         ///< at most kRecordShape
-  std::array<double, kRecordJoints> bone_lengths{}; ///< metres
+  std::vector<double> beta;                                  ///< at most kRecordShape
+  std::array<double, kRecordJoints> bone_lengths{};          ///< metres
   std::vector<std::pair<std::string, double>> measurements;  ///< at most 32
 };
 

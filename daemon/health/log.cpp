@@ -22,7 +22,10 @@ void log_line(LogLevel level, std::string_view text) {
   if (level > g_level.load()) return;
   // systemd sets JOURNAL_STREAM for services whose stderr goes to the journal; there "<N>" is the line's priority.
   static const bool journal = std::getenv("JOURNAL_STREAM") != nullptr;
-  std::string line = journal ? "<" + std::to_string(static_cast<int>(level)) + ">" : level == LogLevel::error ? "error: " : level == LogLevel::warning ? "warning: " : "";
+  std::string line = journal                      ? "<" + std::to_string(static_cast<int>(level)) + ">"
+                     : level == LogLevel::error   ? "error: "
+                     : level == LogLevel::warning ? "warning: "
+                                                  : "";
   for (const char c : text) line += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
   line += '\n';
   if (::write(STDERR_FILENO, line.data(), line.size()) < 0) return;  // nowhere left to complain

@@ -10,10 +10,14 @@ using namespace std::chrono_literals;
 
 const char* to_string(CameraState s) {
   switch (s) {
-    case CameraState::starting: return "starting";
-    case CameraState::running: return "running";
-    case CameraState::lost: return "lost";
-    case CameraState::ended: return "ended";
+    case CameraState::starting:
+      return "starting";
+    case CameraState::running:
+      return "running";
+    case CameraState::lost:
+      return "lost";
+    case CameraState::ended:
+      return "ended";
   }
   return "?";
 }

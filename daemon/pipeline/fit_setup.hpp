@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "daemon/config/config.hpp"
-#include "hal/depth_camera.hpp"
 #include "daemon/pipeline/estimator_fitter.hpp"
 #include "daemon/record/session_files.hpp"
+#include "hal/depth_camera.hpp"
 
 namespace booth::daemon {
 

@@ -29,9 +29,13 @@ void read_ahead(Feed& feed, int index) {
         feed.free.pop_back();
         feed.ahead = slot;
         return;
-      case hal::ReadStatus::timeout: continue;
-      case hal::ReadStatus::ended: feed.ended = true; return;
-      case hal::ReadStatus::lost: throw std::runtime_error(feed.camera->last_error());
+      case hal::ReadStatus::timeout:
+        continue;
+      case hal::ReadStatus::ended:
+        feed.ended = true;
+        return;
+      case hal::ReadStatus::lost:
+        throw std::runtime_error(feed.camera->last_error());
     }
   }
   throw std::runtime_error("camera " + feed.camera->description().name + " gave no frame for 30 s");
@@ -123,7 +127,8 @@ class OfflineRun {
 
 }  // namespace
 
-OfflineCounters run_offline(hal::DepthCameras& cameras, int minimum_cameras, FrameFitter& fitter, const std::function<bool(const FitInput&, const FrameRecord&)>& each) {
+OfflineCounters run_offline(hal::DepthCameras& cameras, int minimum_cameras, FrameFitter& fitter,
+                            const std::function<bool(const FitInput&, const FrameRecord&)>& each) {
   return OfflineRun(cameras, minimum_cameras, fitter, each).run();
 }
 

@@ -16,6 +16,7 @@ struct OfflineCounters {
 /// Starts the cameras, reads them in step by the frames' own times, and hands each group to `fitter`; after each, `each` sees the input and the record and
 /// returns false to end early. Groups with fewer than `minimum_cameras` are left out. The result depends on the frames alone. Throws std::runtime_error
 /// when a camera cannot start or is lost.
-OfflineCounters run_offline(hal::DepthCameras& cameras, int minimum_cameras, FrameFitter& fitter, const std::function<bool(const FitInput&, const FrameRecord&)>& each);
+OfflineCounters run_offline(hal::DepthCameras& cameras, int minimum_cameras, FrameFitter& fitter,
+                            const std::function<bool(const FitInput&, const FrameRecord&)>& each);
 
 }  // namespace booth::daemon

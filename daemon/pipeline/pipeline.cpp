@@ -166,7 +166,11 @@ bool Pipeline::all_ended() const {
 }
 
 PipelineCounters Pipeline::counters() const {
-  return {.groups = formed_.load(), .groups_dropped = dropped_.load(), .groups_small = small_.load(), .fitted = fitted_.load(), .frames_unmatched = unmatched_.load()};
+  return {.groups = formed_.load(),
+          .groups_dropped = dropped_.load(),
+          .groups_small = small_.load(),
+          .fitted = fitted_.load(),
+          .frames_unmatched = unmatched_.load()};
 }
 
 std::vector<std::uint64_t> Pipeline::progress() const {

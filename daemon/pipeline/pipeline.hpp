@@ -82,13 +82,13 @@ class Pipeline {
   std::array<FrameGroup, kGroups> groups_;
   std::array<int, kGroups> spare_groups_{};  ///< the synchroniser thread's
   int spare_count_ = 0;
-  std::atomic<int> waiting_{-1};             ///< the newest group, until the fit thread takes it or a newer one replaces it
+  std::atomic<int> waiting_{-1};  ///< the newest group, until the fit thread takes it or a newer one replaces it
   IndexRing<int, 8> done_;
 
-  std::mutex fitting_;                       ///< held while a group is fitted, so that deactivate() can wait for it
-  std::atomic<int> callers_{0};              ///< threads that want fitting_: the fit thread lets them go first
-  bool active_ = false;                      ///< under fitting_
-  std::uint64_t sequence_ = 0;               ///< under fitting_
+  std::mutex fitting_;           ///< held while a group is fitted, so that deactivate() can wait for it
+  std::atomic<int> callers_{0};  ///< threads that want fitting_: the fit thread lets them go first
+  bool active_ = false;          ///< under fitting_
+  std::uint64_t sequence_ = 0;   ///< under fitting_
   std::atomic<std::uint64_t> formed_{0}, dropped_{0}, small_{0}, fitted_{0}, unmatched_{0};
   std::atomic<std::uint64_t> sync_progress_{0}, fit_progress_{0};
   std::array<LatencyHistogram, kStages> stages_;

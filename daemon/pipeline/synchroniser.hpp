@@ -31,12 +31,12 @@ struct FrameStamp {
 };
 
 struct FrameGroup {
-  std::uint64_t number = 0;                      ///< counts the groups
-  hal::MonotonicTime reference{};                ///< every frame lies within the window of it
-  std::array<int, kMaxCameras> slot{};           ///< -1: this camera is not in
+  std::uint64_t number = 0;             ///< counts the groups
+  hal::MonotonicTime reference{};       ///< every frame lies within the window of it
+  std::array<int, kMaxCameras> slot{};  ///< -1: this camera is not in
   std::array<hal::MonotonicTime, kMaxCameras> captured{};
-  int cameras = 0;                               ///< how many are in
-  std::uint64_t skipped = 0;                     ///< groups lost since the last one: frames that every camera of this one had and nobody used
+  int cameras = 0;            ///< how many are in
+  std::uint64_t skipped = 0;  ///< groups lost since the last one: frames that every camera of this one had and nobody used
 };
 
 /// Buffers that nobody needs any more.
@@ -73,9 +73,9 @@ class Synchroniser {
   struct Lane {
     std::array<FrameStamp, kDepth> frame{};
     int count = 0;
-    hal::MonotonicTime last{};       ///< newest frame ever
+    hal::MonotonicTime last{};  ///< newest frame ever
     bool heard = false;
-    std::uint64_t unused = 0;        ///< frames dropped since the last group that this camera was in
+    std::uint64_t unused = 0;  ///< frames dropped since the last group that this camera was in
   };
   struct Candidate {
     std::array<int, kMaxCameras> index{};

@@ -39,7 +39,9 @@ std::tm utc_calendar(std::int64_t utc_ns) {
   return out;
 }
 
-std::string iso_time(std::int64_t utc_ns) { return utc_ns == 0 ? "" : fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03}Z", utc_calendar(utc_ns), utc_ns / 1'000'000 % 1000); }
+std::string iso_time(std::int64_t utc_ns) {
+  return utc_ns == 0 ? "" : fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03}Z", utc_calendar(utc_ns), utc_ns / 1'000'000 % 1000);
+}
 
 Json info_json(const SessionInfo& info) {
   Json j;
@@ -110,7 +112,8 @@ std::vector<fit::PoseVector> even_poses(const std::vector<FrameRecord>& frames) 
 }
 
 [[noreturn]] void fail(const fs::path& path, const std::string& doing) {
-  throw std::runtime_error(fmt::format("{}: cannot be {}: {} (is it writable for this user? the key is session.directory)", path.string(), doing, std::strerror(errno)));
+  throw std::runtime_error(
+      fmt::format("{}: cannot be {}: {} (is it writable for this user? the key is session.directory)", path.string(), doing, std::strerror(errno)));
 }
 
 void make_private_folder(const fs::path& path) {
@@ -321,7 +324,8 @@ std::vector<std::string> prune_sessions(const fs::path& directory, std::int64_t 
   for (const auto& folder : folders) total += bytes.emplace_back(folder_bytes(folder));
   // The folder's name is its date: no clock of the file system is asked.
   const std::string oldest_kept =
-      max_age_days > 0 ? fmt::format("{:%Y%m%dT%H%M%SZ}", utc_calendar(std::max<std::int64_t>(0, now_utc_ns - max_age_days * 86'400'000'000'000))) : std::string();
+      max_age_days > 0 ? fmt::format("{:%Y%m%dT%H%M%SZ}", utc_calendar(std::max<std::int64_t>(0, now_utc_ns - max_age_days * 86'400'000'000'000)))
+                       : std::string();
   for (std::size_t i = 0; i < folders.size(); ++i) {
     const std::string id = folders[i].filename().string();
     const bool old = !oldest_kept.empty() && id.substr(0, 16) < oldest_kept;

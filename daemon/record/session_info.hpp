@@ -13,18 +13,18 @@ namespace booth::daemon {
 
 /// Everything that is known when frames have ended. Times in UTC nanoseconds since 1970.
 struct SessionInfo {
-  std::string id;                   ///< the folder's name
+  std::string id;  ///< the folder's name
   std::string booth, software, source, preset;
-  std::vector<std::string> models;  ///< versions
-  std::vector<std::string> cameras; ///< names
+  std::vector<std::string> models;   ///< versions
+  std::vector<std::string> cameras;  ///< names
   std::uint64_t seed = 0;
   int threads = 0;
   std::int64_t began_utc_ns = 0, ended_utc_ns = 0;
-  std::string result = "running";   ///< running, complete, interrupted
-  std::string reason;               ///< why it ended: stop, emergency_pressed, search_over ...
+  std::string result = "running";  ///< running, complete, interrupted
+  std::string reason;              ///< why it ended: stop, emergency_pressed, search_over ...
   std::string state_at_end;
   std::uint64_t groups = 0, groups_dropped = 0, frames_unmatched = 0, frames_not_logged = 0;
-  bool live = true;                 ///< false: `track`, which runs in its own time; latencies then mean nothing and are left out
+  bool live = true;  ///< false: `track`, which runs in its own time; latencies then mean nothing and are left out
   LatencySummary latency;
   std::array<LatencySummary, kStages> stages{};
 };

@@ -99,7 +99,8 @@ std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder) {
   Header header;
   const Header expected;
   in.read(reinterpret_cast<char*>(&header), sizeof header);
-  if (!in || std::memcmp(&header, &expected, sizeof header) != 0) throw std::runtime_error(fmt::format("{}: not a log of this version of boothd", path.string()));
+  if (!in || std::memcmp(&header, &expected, sizeof header) != 0)
+    throw std::runtime_error(fmt::format("{}: not a log of this version of boothd", path.string()));
   std::vector<FrameRecord> out;
   for (FrameRecord record; in.read(reinterpret_cast<char*>(&record), sizeof record);) {
     // A block that was never written reads as zeros after a power cut; frames count from zero without gaps.

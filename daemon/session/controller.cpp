@@ -12,9 +12,7 @@ namespace booth::daemon {
 
 using namespace std::chrono_literals;
 
-Controller::Controller(ControllerSettings settings, hal::Clock& clock) : settings_(std::move(settings)), clock_(clock), machine_(settings_.limits) {
-  for (const auto& line : close_interrupted_sessions(settings_.session_directory, settings_.models)) log_line(LogLevel::warning, line);
-}
+Controller::Controller(ControllerSettings settings, hal::Clock& clock) : settings_(std::move(settings)), clock_(clock), machine_(settings_.limits) {}
 
 Controller::~Controller() { shutdown("end"); }
 
@@ -22,6 +20,7 @@ void Controller::run(Pipeline& pipeline, FrameFitter& fitter, DdsLink* dds) {
   pipeline_ = &pipeline;
   fitter_ = &fitter;
   dds_ = dds;
+  for (const auto& line : close_interrupted_sessions(settings_.session_directory, settings_.models)) log_line(LogLevel::warning, line);
   thread_ = std::thread([this] { loop(); });
 }
 
@@ -117,7 +116,8 @@ void Controller::take_requests() {
 void Controller::take_frames() {
   for (FrameNote note; notes_.pop(note);) {
     const SessionOutcome outcome = machine_.frame(note.there, note.accepted, clock_.now());
-    const SessionEvent event = outcome.to == SessionState::tracking    ? (outcome.from == SessionState::estimating ? SessionEvent::body_accepted : SessionEvent::person_found)
+    const SessionEvent event = outcome.to == SessionState::tracking
+                                   ? (outcome.from == SessionState::estimating ? SessionEvent::body_accepted : SessionEvent::person_found)
                                : outcome.to == SessionState::searching ? SessionEvent::person_lost
                                                                        : SessionEvent::person_found;
     apply(outcome, std::string(to_string(event)), "fit");
@@ -132,7 +132,8 @@ void Controller::watch_cameras() {
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     running += cameras[i].state == CameraState::running;
     if (cameras[i].state == camera_states_[i]) continue;
-    const std::string text = fmt::format("camera {} is {}{}{}", cameras[i].name, to_string(cameras[i].state), cameras[i].problem.empty() ? "" : ": ", cameras[i].problem);
+    const std::string text =
+        fmt::format("camera {} is {}{}{}", cameras[i].name, to_string(cameras[i].state), cameras[i].problem.empty() ? "" : ": ", cameras[i].problem);
     const bool bad = cameras[i].state == CameraState::lost;
     log_line(bad ? LogLevel::warning : LogLevel::info, text);
     say_event(bad ? "fault" : "state", "cameras", text);
@@ -169,7 +170,8 @@ void Controller::begin_session() {
   std::filesystem::path folder;
   std::string alarm;
   try {
-    for (const auto& line : prune_sessions(settings_.session_directory, settings_.quota_bytes, settings_.max_age_days, info.began_utc_ns)) log_line(LogLevel::info, line);
+    for (const auto& line : prune_sessions(settings_.session_directory, settings_.quota_bytes, settings_.max_age_days, info.began_utc_ns))
+      log_line(LogLevel::info, line);
     folder = create_session_folder(settings_.session_directory, info);
     log_.open(folder);
   } catch (const std::exception& e) {

@@ -29,7 +29,7 @@ struct ControllerSettings {
   std::int64_t quota_bytes = 0, max_age_days = 0;
   SessionMachine::Limits limits;
   int minimum_cameras = 2;
-  SessionInfo info;        ///< what is the same in every session of this daemon
+  SessionInfo info;  ///< what is the same in every session of this daemon
   SessionModels models;
   std::shared_ptr<const hal::GroundTruth> truth;  ///< may be null
 };
@@ -52,7 +52,7 @@ struct DaemonStatus {
   LatencySummary latency;
   std::array<LatencySummary, kStages> stages{};
   double fps = 0;
-  FrameRecord last;          ///< the last fitted frame of this session
+  FrameRecord last;  ///< the last fitted frame of this session
   bool last_known = false;
   std::optional<SessionSummary> last_summary;  ///< of the last session that was finished
   std::uint64_t dds_failures = 0;
@@ -62,11 +62,11 @@ struct DaemonStatus {
 /// Public functions are thread-safe unless they say otherwise.
 class Controller final : public FrameSink {
  public:
-  /// `dds` may be null. Closes interrupted sessions of the directory. Never throws for a directory that cannot be written: that is an alarm.
   Controller(ControllerSettings settings, hal::Clock& clock);
   ~Controller() override;
 
-  /// Begins to work with the pipeline whose sink this is. Call once; both outlive shutdown().
+  /// Closes what an earlier boothd left interrupted, then begins to work with the pipeline whose sink this is. Call once; all outlive shutdown(). `dds`
+  /// may be null. A directory that cannot be written is an alarm, not an exception.
   void run(Pipeline& pipeline, FrameFitter& fitter, DdsLink* dds);
 
   /// Queues an event and waits for its answer.

@@ -22,7 +22,11 @@ constexpr std::string_view kNothing = "no session is running";
 // Rows: events in the order of SessionEvent. Columns: idle, estimating, tracking, searching, finishing.
 constexpr std::array<std::array<Cell, kSessionStates>, kSessionEvents> kTable{{
     /* start */
-    {{{S::estimating, A::begin}, {S::estimating, A::none, kRunning}, {S::tracking, A::none, kRunning}, {S::searching, A::none, kRunning}, {S::finishing, A::none, kSaving}}},
+    {{{S::estimating, A::begin},
+      {S::estimating, A::none, kRunning},
+      {S::tracking, A::none, kRunning},
+      {S::searching, A::none, kRunning},
+      {S::finishing, A::none, kSaving}}},
     /* stop */
     {{{S::idle, A::none, kNothing}, {S::finishing, A::end}, {S::finishing, A::end}, {S::finishing, A::end}, {S::finishing}}},
     /* toggle */
@@ -48,8 +52,9 @@ constexpr std::array<std::array<Cell, kSessionStates>, kSessionEvents> kTable{{
 }};
 
 constexpr std::array<std::string_view, kSessionStates> kStateNames{"idle", "estimating", "tracking", "searching", "finishing"};
-constexpr std::array<std::string_view, kSessionEvents> kEventNames{"start",       "stop",         "toggle",      "emergency_pressed", "emergency_released", "body_accepted",
-                                                                   "person_lost", "person_found", "search_over", "session_over",      "sources_ended",      "files_written"};
+constexpr std::array<std::string_view, kSessionEvents> kEventNames{"start",         "stop",         "toggle",       "emergency_pressed", "emergency_released",
+                                                                   "body_accepted", "person_lost",  "person_found", "search_over",       "session_over",
+                                                                   "sources_ended", "files_written"};
 
 }  // namespace
 

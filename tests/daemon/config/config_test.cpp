@@ -11,9 +11,9 @@
 namespace booth::daemon {
 namespace {
 
-using tests::TemporaryFolder;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using tests::TemporaryFolder;
 
 std::vector<std::string> problems_of(const ConfigSources& sources) {
   try {
@@ -36,10 +36,11 @@ std::vector<std::string> problems_in(const std::string& text) {
 
 TEST(Config, TakesValuesOfEveryType) {
   TemporaryFolder folder;
-  const Config c = load_config({.file = folder.write("b.toml",
-                                                     "[booth]\nid = \"lobby-2\"\n[stage]\nradius = 1.5\nheight = 2\n[dds]\nmulticast = false\npeers = [\"a\", \"10.0.0.2\"]\n"
-                                                     "[cameras]\nsynthetic.count = 3\n"),
-                                .assignments = {}});
+  const Config c = load_config(
+      {.file = folder.write("b.toml",
+                            "[booth]\nid = \"lobby-2\"\n[stage]\nradius = 1.5\nheight = 2\n[dds]\nmulticast = false\npeers = [\"a\", \"10.0.0.2\"]\n"
+                            "[cameras]\nsynthetic.count = 3\n"),
+       .assignments = {}});
   EXPECT_EQ(c.booth.id, "lobby-2");
   EXPECT_EQ(c.stage.radius, 1.5);
   EXPECT_EQ(c.stage.height, 2.0) << "a whole number is a number";
@@ -114,7 +115,8 @@ TEST(Config, ChecksWhatBelongsTogether) {
 
 TEST(Config, PrintsWhatItWouldReadAgain) {
   TemporaryFolder folder;
-  const Config before = load_config({.file = {}, .assignments = {"stage.radius=1.7", "booth.id=x", "dds.peers=[\"a\",\"b\"]", "cameras.recording.path=a \"quoted\" \\ path"}});
+  const Config before =
+      load_config({.file = {}, .assignments = {"stage.radius=1.7", "booth.id=x", "dds.peers=[\"a\",\"b\"]", "cameras.recording.path=a \"quoted\" \\ path"}});
   std::ostringstream text;
   print_config(before, text);
   const Config after = load_config({.file = folder.write("again.toml", text.str()), .assignments = {}});
@@ -131,7 +133,8 @@ TEST(Config, EveryDefaultIsAllowed) {
 TEST(Config, TheReferencePageIsTheTable) {
   std::ostringstream page;
   print_config_reference(page);
-  EXPECT_EQ(tests::read_text(BOOTH_SOURCE_DIR "/docs/reference/configuration.md"), page.str()) << "run: boothctl config reference > docs/reference/configuration.md";
+  EXPECT_EQ(tests::read_text(BOOTH_SOURCE_DIR "/docs/reference/configuration.md"), page.str())
+      << "run: boothctl config reference > docs/reference/configuration.md";
 }
 
 }  // namespace

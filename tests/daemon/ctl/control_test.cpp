@@ -122,7 +122,7 @@ TEST_F(ControlTest, TooManyClientsAreToldSo) {
 }
 
 TEST_F(ControlTest, TheSocketIsForTheGroupAndGoesAway) {
-  struct stat info{};
+  struct stat info {};
   ASSERT_EQ(::stat(path.c_str(), &info), 0);
   EXPECT_EQ(info.st_mode & 0777, 0660u);
   EXPECT_THROW(listen_unix(path), std::runtime_error) << "another boothd is running";

@@ -18,9 +18,9 @@ namespace {
 
 using namespace std::chrono_literals;
 using nlohmann::json;
+using ::testing::HasSubstr;
 using tests::eventually;
 using tests::read_text;
-using ::testing::HasSubstr;
 
 /// A child process with its output in a file.
 class Program {
@@ -69,8 +69,8 @@ struct ProgramTest : ::testing::Test {
   }
   std::vector<std::string> daemon_arguments() const {
     std::vector<std::string> out;
-    for (const std::string& s : {"control.socket=" + socket, "session.directory=" + sessions.string(), std::string("dds.interface=lo"), std::string("dds.multicast=false"),
-                                 std::string("dds.domain=78"), std::string("cameras.synthetic.motion=a-pose")}) {
+    for (const std::string& s : {"control.socket=" + socket, "session.directory=" + sessions.string(), std::string("dds.interface=lo"),
+                                 std::string("dds.multicast=false"), std::string("dds.domain=78"), std::string("cameras.synthetic.motion=a-pose")}) {
       out.push_back("--set");
       out.push_back(s);
     }

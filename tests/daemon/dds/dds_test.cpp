@@ -43,7 +43,8 @@ class Peer {
   dds_entity_t command_writer() {
     dds_qos_t* qos = dds_create_qos();
     dds_qset_reliability(qos, DDS_RELIABILITY_RELIABLE, DDS_SECS(1));
-    const dds_entity_t out = dds_create_writer(publisher_, dds_create_topic(participant_, &booth_msg_Command_desc, "booth/command", nullptr, nullptr), qos, nullptr);
+    const dds_entity_t out =
+        dds_create_writer(publisher_, dds_create_topic(participant_, &booth_msg_Command_desc, "booth/command", nullptr, nullptr), qos, nullptr);
     dds_delete_qos(qos);
     return out;
   }
@@ -238,7 +239,7 @@ TEST(DdsConfiguration, SaysWhatTheKeysSay) {
   EXPECT_THAT(xml, HasSubstr("<NetworkInterface name=\"eth1\"/>"));
   EXPECT_THAT(xml, HasSubstr("<AllowMulticast>false</AllowMulticast>"));
   EXPECT_THAT(xml, HasSubstr("<Peer Address=\"localhost\"/><Peer Address=\"10.1.1.1\"/>"));
-  EXPECT_THAT(dds_configuration({.interface = "192.168.0.7"}), HasSubstr("address=\"192.168.0.7\""));
+  EXPECT_THAT(dds_configuration({.booth = "b", .domain = 0, .interface = "192.168.0.7", .multicast = true, .peers = {}}), HasSubstr("address=\"192.168.0.7\""));
   EXPECT_THAT(dds_configuration({}), ::testing::Not(HasSubstr("Peer")));
 }
 

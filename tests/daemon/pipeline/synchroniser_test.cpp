@@ -162,7 +162,7 @@ TEST(Synchroniser, ACameraThatComesSeldomDoesNotHoldTheOthersBack) {
   int count = 0;
   std::erase_if(arrivals, [&](const Arrival& a) { return a.camera == 3 && count++ % 4 != 0; });
   const Playback run = play(arrivals, {.cameras = 4});
-  EXPECT_GE(run.groups.size(), 50u);
+  EXPECT_GE(run.groups.size(), 40u) << "the newest whole group may overtake one that still waited";
   EXPECT_GE(with_cameras(run, 4), 12);
 }
 

@@ -15,9 +15,9 @@ namespace {
 
 using namespace std::chrono_literals;
 using nlohmann::json;
+using ::testing::HasSubstr;
 using tests::eventually;
 using tests::read_text;
-using ::testing::HasSubstr;
 
 struct SessionTest : ::testing::Test {
   void build(std::filesystem::path directory, std::uint64_t frames = 1'000'000) {

@@ -16,9 +16,9 @@ namespace booth::daemon {
 namespace {
 
 using nlohmann::json;
+using ::testing::HasSubstr;
 using tests::read_text;
 using tests::TemporaryFolder;
-using ::testing::HasSubstr;
 
 constexpr std::int64_t kUtc = 1'767'225'600'000'000'000;  // 2026-01-01
 
@@ -99,7 +99,7 @@ TEST(SessionFiles, ACompleteSession) {
   SessionInfo info = info_at(kUtc);
   const auto session = create_session_folder(folder.path / "sessions", info);
   EXPECT_EQ(session.filename().string().substr(0, 17), "20260101T000000Z-");
-  struct stat mode{};
+  struct stat mode {};
   ::stat(session.c_str(), &mode);
   EXPECT_EQ(mode.st_mode & 0777, 0700u) << "bodies are personal data";
   EXPECT_EQ(json::parse(read_text(session / "session.json"))["result"], "running");

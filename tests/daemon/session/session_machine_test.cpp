@@ -13,7 +13,7 @@ using S = SessionState;
 using E = SessionEvent;
 using A = SessionAction;
 
-constexpr hal::MonotonicTime at(hal::Nanoseconds t) { return hal::MonotonicTime(1000s) + t; }
+constexpr hal::MonotonicTime at(std::chrono::duration<double> t) { return hal::MonotonicTime(1000s) + std::chrono::round<hal::Nanoseconds>(t); }
 constexpr SessionMachine::Limits kLimits{.lost = 500ms, .search = 60s, .session = 600s, .toggle_guard = 500ms};
 
 TEST(SessionTable, SaysTheSameAsThisOne) {
@@ -22,9 +22,9 @@ TEST(SessionTable, SaysTheSameAsThisOne) {
     E event;
     const char* row;
   } rows[] = {
-      {E::start, "e+ e! t! s! f!"},        {E::stop, "i! f- f- f- f"},          {E::toggle, "e+ f- f- f- f!"},       {E::emergency_pressed, "i f- f- f- f"},
-      {E::emergency_released, "i e t s f"}, {E::body_accepted, "i t t s f"},     {E::person_lost, "i s s s f"},       {E::person_found, "i e t t f"},
-      {E::search_over, "i e t f- f"},       {E::session_over, "i f- f- f- f"},   {E::sources_ended, "i f- f- f- f"},  {E::files_written, "i e t s i"},
+      {E::start, "e+ e! t! s! f!"},         {E::stop, "i! f- f- f- f"},        {E::toggle, "e+ f- f- f- f!"},      {E::emergency_pressed, "i f- f- f- f"},
+      {E::emergency_released, "i e t s f"}, {E::body_accepted, "i t t s f"},   {E::person_lost, "i s s s f"},      {E::person_found, "i e t t f"},
+      {E::search_over, "i e t f- f"},       {E::session_over, "i f- f- f- f"}, {E::sources_ended, "i f- f- f- f"}, {E::files_written, "i e t s i"},
   };
   ASSERT_EQ(std::size(rows), static_cast<std::size_t>(kSessionEvents));
   for (const auto& [event, expected] : rows) {

@@ -17,7 +17,8 @@ namespace booth::tests {
 /// A tiny camera at 30 frames/s with a phase. In real time it sleeps until each frame is due; otherwise frames come at once.
 class FakeCamera final : public hal::DepthCamera {
  public:
-  FakeCamera(std::string name, hal::Clock& clock, hal::Nanoseconds phase, std::uint64_t frames, bool real_time) : clock_(clock), phase_(phase), frames_(frames), real_time_(real_time) {
+  FakeCamera(std::string name, hal::Clock& clock, hal::Nanoseconds phase, std::uint64_t frames, bool real_time)
+      : clock_(clock), phase_(phase), frames_(frames), real_time_(real_time) {
     description_.name = std::move(name);
     description_.intrinsics = {.width = 8, .height = 6, .fx = 8, .fy = 8, .cx = 4, .cy = 3, .distortion = {}};
   }
@@ -34,7 +35,8 @@ class FakeCamera final : public hal::DepthCamera {
     if (!running_) return hal::ReadStatus::ended;
     if (lost) return hal::ReadStatus::lost;
     if (next_ >= frames_) return hal::ReadStatus::ended;
-    const hal::MonotonicTime due = origin_ + phase_ + std::chrono::nanoseconds(33'333'333) * static_cast<std::int64_t>(real_time_ ? next_ - base_ : next_.load());
+    const hal::MonotonicTime due =
+        origin_ + phase_ + std::chrono::nanoseconds(33'333'333) * static_cast<std::int64_t>(real_time_ ? next_ - base_ : next_.load());
     if (real_time_) {
       if (due > clock_.now() + timeout) {
         clock_.sleep_until(clock_.now() + timeout);
