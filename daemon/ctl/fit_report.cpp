@@ -1,6 +1,8 @@
 // Turns a FitResult into JSON; nothing is computed here that the estimator has not found.
 #include "daemon/ctl/fit_report.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/Eigenvalues>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -32,6 +34,29 @@ bool coverage_is_partial(const fit::FitResult& result, std::size_t viewpoints) {
   // Points of one side explain 50 to 60 % of the surface (what lies near a seen point counts as explained), points of all sides over 80 %.
   constexpr double kWhole = 0.7;
   return viewpoints == 1 || result.coverage < kWhole;
+}
+
+std::string refusal(const fit::FitResult& result) {
+  // Far outside what any clothing, hair or noise does to a scan (a right fit of a bare body is at 2 to 4 mm), and well inside what a cube,
+  // a wall or a body lying on its side (wrong axes) gives.
+  constexpr double kFarAway = 0.05, kHardlyAny = 0.25;
+  const double mean = result.cloud_to_model.mean;
+  if (result.state == fit::FitState::lost || mean > kFarAway)
+    return fmt::format("no person in the input: the best body lies {:.0f} mm from the points on average; are up axis (--up) and units (--units) right?",
+                       1000 * mean);
+  if (result.coverage < kHardlyAny) return fmt::format("no person in the input: the points show {:.0f} % of the best body", 100 * result.coverage);
+  return {};
+}
+
+std::vector<std::string> warnings(const fit::FitResult& result, std::size_t viewpoints) {
+  constexpr double kDoubtfulMean = 0.015, kDoubtfulTail = 0.05;
+  std::vector<std::string> out;
+  if (coverage_is_partial(result, viewpoints))
+    out.push_back(fmt::format("coverage: partial. The points show {:.0f} % of the body; the rest is inferred and less certain", 100 * result.coverage));
+  if (result.cloud_to_model.mean > kDoubtfulMean || result.cloud_to_model.p95 > kDoubtfulTail)
+    out.push_back(fmt::format("the body explains the points poorly ({:.0f} mm mean, {:.0f} mm p95): a limb may be wrong, or something else is in the cloud",
+                              1000 * result.cloud_to_model.mean, 1000 * result.cloud_to_model.p95));
+  return out;
 }
 
 std::string fit_json(const fit::FitResult& result, const fit::BodyModel& model, const FitContext& context) {
@@ -79,6 +104,7 @@ std::string fit_json(const fit::FitResult& result, const fit::BodyModel& model, 
   out["model_to_cloud"] = distances(result.model_to_cloud);
   out["coverage"] = coverage_is_partial(result, context.viewpoints) ? "partial" : "full";
   out["coverage_fraction"] = result.coverage;
+  out["warnings"] = warnings(result, context.viewpoints);
   out["input"] = {
       {"files", context.files}, {"points", context.points}, {"dropped", context.dropped}, {"viewpoints", context.viewpoints}, {"notes", context.notes}};
   return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";

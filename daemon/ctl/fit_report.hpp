@@ -25,6 +25,12 @@ struct FitContext {
 /// True when so little of the body was seen that the rest is inferred: from one camera, about half of it is.
 bool coverage_is_partial(const fit::FitResult& result, std::size_t viewpoints);
 
+/// A body was found, but it does not explain the points: they are no person's, or not one person's. One sentence, empty when all is well.
+std::string refusal(const fit::FitResult& result);
+
+/// One sentence for each reason to look twice at the result.
+std::vector<std::string> warnings(const fit::FitResult& result, std::size_t viewpoints);
+
 /// JSON text, ending in a newline. Lengths in metres, angles in radians.
 std::string fit_json(const fit::FitResult& result, const fit::BodyModel& model, const FitContext& context);
 

@@ -85,10 +85,7 @@ void run(const Options& options) {
     throw std::runtime_error(std::string("no person in the input: ") + fit::describe(report.outcome));
   const fit::FitResult& result = estimator->fit(observation, options.initial.empty() ? nullptr : &initial);
   const double total_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
-  if (result.state == fit::FitState::lost)
-    throw std::runtime_error(
-        fmt::format("no person in the input: the best body lies {:.0f} mm from the points on average; are up axis (--up) and units (--units) right?",
-                    1000 * result.cloud_to_model.mean));
+  if (const std::string why = refusal(result); !why.empty()) throw std::runtime_error(why);
 
   FitContext context;
   context.preset = options.preset;
@@ -105,9 +102,7 @@ void run(const Options& options) {
   write_results(options, up, *estimator, result, json);
 
   for (const std::string& note : input.notes) std::cerr << "note: " << note << "\n";
-  if (coverage_is_partial(result, viewpoints.size()))
-    std::cerr << fmt::format("warning: coverage: partial. The points show {:.0f} % of the body; the rest is inferred and less certain\n",
-                             100 * result.coverage);
+  for (const std::string& warning : warnings(result, viewpoints.size())) std::cerr << "warning: " << warning << "\n";
   if (options.json)
     std::cout << json;
   else

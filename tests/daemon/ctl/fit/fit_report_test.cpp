@@ -74,5 +74,22 @@ TEST(FitReport, SaysWhenOnlyPartOfTheBodyWasSeen) {
   EXPECT_EQ(f.json()["coverage"], "partial");
 }
 
+TEST(FitReport, WarnsOfPoorFitsAndRefusesWhatIsNoPerson) {
+  Fit f;
+  EXPECT_EQ(refusal(f.result), "");
+  EXPECT_TRUE(f.json()["warnings"].empty());
+  f.result.cloud_to_model.p95 = 0.07;
+  EXPECT_EQ(refusal(f.result), "");
+  EXPECT_EQ(f.json()["warnings"].size(), 1u);
+  f.result.cloud_to_model.mean = 0.06;
+  EXPECT_THAT(refusal(f.result), ::testing::HasSubstr("60 mm from the points"));
+  f.result.cloud_to_model.mean = 0.004;
+  f.result.coverage = 0.2;
+  EXPECT_THAT(refusal(f.result), ::testing::HasSubstr("20 % of the best body"));
+  f.result.coverage = 0.9;
+  f.result.state = fit::FitState::lost;
+  EXPECT_THAT(refusal(f.result), ::testing::HasSubstr("no person in the input"));
+}
+
 }  // namespace
 }  // namespace booth::daemon
