@@ -60,7 +60,9 @@ std::string_view dofs_of(CmuBone bone) {
 
 std::vector<fit::PoseVector> read_amc(const std::filesystem::path& path) {
   constexpr std::size_t kStep = 4;  // 120 Hz to 30
-  const std::string text = read_file_bytes(path, kMostBytes);
+  std::string text = read_file_bytes(path, kMostBytes);
+  // Published files may end anywhere: a line that was cut must not be read as a shorter number.
+  text.resize(text.rfind('\n') + 1);
   TextScanner in(text);
   std::vector<fit::PoseVector> frames;
   std::size_t number = 0;

@@ -50,6 +50,15 @@ BOOTH_KERNEL void add_noise(const float* z, const float* sigma, const std::uint8
   }
 }
 
+/// Depth jumps beside this pixel. A grazing floor is steep without a jump: there the step goes on in the same direction.
+inline bool at_edge(const float* z, int width) {
+  const auto jumps = [z](int by) {
+    const float before = z[-by] - *z, after = z[by] - *z;
+    return std::max(std::abs(before), std::abs(after)) > kEdge && std::abs(before + after) > kEdge;
+  };
+  return jumps(1) || jumps(width);
+}
+
 struct Hit {
   double t;
   Eigen::Vector3d normal;
@@ -157,13 +166,7 @@ void Renderer::trace_room(const SceneSettings& settings) {
   for (int y = 1; y + 1 < height_; ++y)
     for (int x = 1; x + 1 < width_; ++x) {
       const int i = y * width_ + x;
-      const auto differs = [&](int j) { return std::abs(room_z_[static_cast<std::size_t>(i)] - room_z_[static_cast<std::size_t>(j)]) > kEdge; };
-      // A grazing wall has steep depth without an edge: the step must not go on in the same direction.
-      const auto step = [&](int by) {
-        const auto z = [&](int j) { return room_z_[static_cast<std::size_t>(j)]; };
-        return (differs(i + by) || differs(i - by)) && std::abs(z(i + by) - 2 * z(i) + z(i - by)) > kEdge;
-      };
-      if (step(1) || step(width_)) room_edges_.push_back(i);
+      if (at_edge(room_z_.data() + i, width_)) room_edges_.push_back(i);
     }
 }
 
@@ -250,9 +253,7 @@ void Renderer::add_edge_effects(std::uint64_t key, std::uint16_t* out) {
   for (int y = y0; y <= y1; ++y) {
     const float* row = z_.data() + static_cast<std::ptrdiff_t>(y) * width_;
     for (int x = x0; x <= x1; ++x) {
-      const float z = row[x];
-      const float most = std::max(std::max(std::abs(row[x - 1] - z), std::abs(row[x + 1] - z)), std::max(std::abs(row[x - width_] - z), std::abs(row[x + width_] - z)));
-      if (most > kEdge) edge_pixel(x, y, key, out);
+      if (at_edge(row + x, width_)) edge_pixel(x, y, key, out);
     }
   }
 }

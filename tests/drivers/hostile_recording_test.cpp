@@ -91,13 +91,9 @@ TEST_F(HostileFolder, NamesFileLineAndRemedyOfWhatIsWrong) {
 }
 
 TEST_F(HostileFolder, RefusesAMirroredCamera) {
-  std::string text = contents_of(calibration_);
-  const auto at = text.find("camera_to_world = [");
-  const auto end = text.find("]\n]", at);
-  text.replace(at, end + 3 - at, "camera_to_world = [[-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]");
-  // The last row ends with "],\n]": make sure something was replaced.
-  put(calibration_, text);
-  EXPECT_FALSE(complaint(path_).empty());
+  // The second camera looks along -x; turning its first row around makes its axes left-handed.
+  replace(calibration_, "[0.0, 0.0, -1.0, 2.6]", "[0.0, 0.0, 1.0, 2.6]");
+  EXPECT_NE(complaint(path_).find("right-handed"), std::string::npos) << complaint(path_);
 }
 
 TEST_F(HostileFolder, RefusesAnIndexThatLiesAboutTimeOrPlace) {

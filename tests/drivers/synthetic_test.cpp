@@ -158,6 +158,27 @@ TEST(SyntheticCamera, FlyingPixelsLieBetweenPersonAndWall) {
   EXPECT_GT(between, 100);
 }
 
+TEST(SyntheticCamera, AGrazingFloorBesideThePersonIsNoEdge) {
+  drivers::SceneSettings s;
+  s.noise.kind = drivers::NoiseModel::Kind::none;
+  const auto clean = first_frame(open(s, {standing()}));
+  s.noise.kind = drivers::NoiseModel::Kind::kinect2;
+  const auto source = open(s, {standing()});
+  const auto noisy = first_frame(source);
+  // Where floor and wall meet, in the rows and columns around the person.
+  int looked = 0, lost = 0;
+  for (int v = 1; v < 423; ++v)
+    for (int u = 200; u < 310; ++u) {
+      const auto i = static_cast<std::size_t>(v * 512 + u);
+      const int step = std::abs(clean.depth[i - 512] - clean.depth[i]), sideways = std::abs(clean.depth[i + 1] - clean.depth[i]) + std::abs(clean.depth[i - 1] - clean.depth[i]);
+      if (step < 25 || step > 100 || sideways > 30 || clean.depth[i] < 4500) continue;
+      ++looked;
+      lost += noisy.depth[i] == 0;
+    }
+  ASSERT_GT(looked, 200);
+  EXPECT_LT(lost, looked / 10);
+}
+
 TEST(SyntheticScene, CamerasHavePhasesOfTheirOwn) {
   const auto source = open({}, {});
   std::vector<double> phase;
