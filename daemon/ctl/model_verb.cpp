@@ -70,7 +70,7 @@ int components_for(const Eigen::VectorXd& explained, double part) {
 }
 
 void report_shape(const fit::train::TrainedShape& t, std::ostream& out) {
-  out << fmt::format("\n{}: {} bodies, {} components; 95 % by {}, 15 explain {:.2f} %\n", to_string(t.model.sex), t.bodies, t.model.directions.cols(),
+  out << fmt::format("\n{}: {} bodies ({} drawn ones lay beyond the sliders' range), {} components; 95 % by {}, 15 explain {:.2f} %\n", to_string(t.model.sex), t.bodies, t.rejected, t.model.directions.cols(),
                      components_for(t.model.explained, 0.95), 100 * t.model.explained[std::min<Eigen::Index>(15, t.model.explained.size()) - 1]);
   out << fmt::format("  set-aside bodies: {:.2f} mm mean vertex distance to the kept components\n", 1e3 * t.held_out_surface);
   out << "  made against wanted (mean and worst |error|):";

@@ -81,7 +81,10 @@ std::vector<SparseRow> joint_rows(const BaseBody& base) {
 
 namespace {
 
-constexpr std::size_t kLeastNeighbours = 256, kMostNeighbours = 768;
+constexpr std::size_t kMostNeighbours = 768;
+// Over all bodies a wider ring pays, because weights that must not be negative balance a fuller front by a fuller back: all of the nearest,
+// every other one of a wider neighbourhood (about 40 cm).
+constexpr std::size_t kDenseRing = 256, kWideRing = 2000;
 
 /// Normal equations of sum_l w_l (v_l - J) = 0 with a heavy sum_l w_l = 1; solved and normalised.
 Eigen::VectorXd solve_row(Eigen::MatrixXd gram) {
@@ -120,16 +123,14 @@ Eigen::MatrixXd train_joint_regressor(const RegressorInput& input) {
       w = solve_row(offset.transpose() * offset);
       if ((offset * w).norm() < 1e-3 || k >= kMostNeighbours || k == static_cast<std::size_t>(count)) {
         if (!input.bodies) break;
-        // Over all bodies a wider ring pays: shape changes are told apart by more vertices than a single point needs.
-        const std::size_t wide = std::min({std::max<std::size_t>(2 * k, kLeastNeighbours), kMostNeighbours, static_cast<std::size_t>(count)});
-        if (near.size() < wide) {
-          found.resize(wide);
-          distance.resize(wide);
-          flann::Matrix<std::size_t> wide_rows(found.data(), 1, wide);
-          flann::Matrix<float> wide_distance(distance.data(), 1, wide);
-          index.knnSearch(flann::Matrix<float>(query.data(), 1, 3), wide_rows, wide_distance, wide, flann::SearchParams(flann::FLANN_CHECKS_UNLIMITED));
-          near.assign(found.begin(), found.end());
-        }
+        const std::size_t wide = std::min(kWideRing, static_cast<std::size_t>(count));
+        found.resize(wide);
+        distance.resize(wide);
+        flann::Matrix<std::size_t> wide_rows(found.data(), 1, wide);
+        flann::Matrix<float> wide_distance(distance.data(), 1, wide);
+        index.knnSearch(flann::Matrix<float>(query.data(), 1, 3), wide_rows, wide_distance, wide, flann::SearchParams(flann::FLANN_CHECKS_UNLIMITED));
+        near.clear();
+        for (std::size_t i = 0; i < wide; i += i < kDenseRing ? 1 : 2) near.push_back(static_cast<int>(found[i]));
         break;
       }
     }

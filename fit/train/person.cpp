@@ -16,13 +16,19 @@ constexpr int kUnknowns = kMacros + static_cast<int>(kTape.size());
 using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
 
 /// What counts as one unit of misfit: metres (kilograms for mass). Lengths of limbs lie between landmarks that differ a little in definition.
+/// Beyond this a body is not that person: the sliders' range ended.
+const FittedMeasures kWorst = (FittedMeasures() << 0.02, 5, 0.05, 0.08, 0.05, 0.05, 0.03, 0.06, 0.04).finished();
 const FittedMeasures kTolerance = (FittedMeasures() << 0.002, 0.4, 0.003, 0.003, 0.004, 0.004, 0.003, 0.008, 0.008).finished();
 const Unknowns kOrdinary = (Unknowns() << 0.5, 0.6, 0.5, 0, 0, 0, 0, 0, 0, 0, 0, 0).finished();
-const Unknowns kSpread = (Unknowns() << 0.2, 0.3, 0.3, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5).finished();
+/// How far the tape sliders may go: a little beyond their artists' range, the waist (10 cm a unit) far beyond.
+const Unknowns kReach = (Unknowns() << 1, 1, 1, 1.3, 2.2, 1.3, 1.3, 1.3, 1.3, 1.3, 1.3, 1.3).finished();
+const Unknowns kSpread = (Unknowns() << 0.2, 0.3, 0.3, 0.5, 0.8, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5).finished();
 
 double clamp01(double x) { return std::clamp(x, 0.0, 1.0); }
 
 }  // namespace
+
+bool FittedBody::matches() const { return (error.cwiseAbs().array() <= kWorst.array()).all(); }
 
 FittedMeasures measures_of(const Person& p) {
   return (FittedMeasures() << p.stature, p.mass, p.chest, p.waist, p.buttock, p.thigh, p.calf, p.trochanterion, p.arm).finished();
@@ -145,10 +151,9 @@ FittedBody PersonFitter::fit(const Person& person, Random random) const {
   const auto cost = [&](const FittedMeasures& m, const Unknowns& u) {
     return ((m - wanted).array() / kTolerance.array()).square().sum() + ((u - kOrdinary).array() / kSpread.array()).square().sum();
   };
-  const auto limited = [](Unknowns u) {
-    u.head<kMacros>() = u.head<kMacros>().cwiseMax(0.02).cwiseMin(0.98);
-    u.tail(kUnknowns - kMacros) = u.tail(kUnknowns - kMacros).cwiseMax(-1.3).cwiseMin(1.3);
-    return u;
+  const auto limited = [](Unknowns v) {
+    v.head<kMacros>() = v.head<kMacros>().cwiseMax(0.02).cwiseMin(0.98);
+    return Unknowns(v.cwiseMax(-kReach).cwiseMin(kReach));
   };
 
   Unknowns u = kOrdinary;

@@ -42,6 +42,8 @@ class Widener {
 struct FittedBody {
   Stacked body;              ///< vertices and joints, root joint at the origin
   FittedMeasures error;      ///< made minus wanted
+  /// False where the sliders' range ended before the person was reached.
+  bool matches() const;
 };
 
 /// Draws what a tape does not tell (race, age, proportions, limbs, head, mild asymmetry ...) and then solves height, weight, muscle and nine

@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kDegree = 3.14159265358979323846 / 180;
 constexpr double kWidening = 12 * kDegree;
+constexpr double kLeastDeviation = 0.5 * kDegree;  // an angle that never moves still may, a little
 
 /// Reach that the limits never fall short of, left side and middle, degrees. The motions lack some of it (arms straight up, deep squats).
 struct Reach {
@@ -124,7 +125,7 @@ PosePrior train_pose_prior(const Eigen::MatrixXf& frames, const std::vector<Moti
     const PoseAngles d = q.tail<kPoseDofs>() - prior.mean;
     covariance += d * d.transpose() / n;
   }
-  prior.standard_deviation = covariance.diagonal().cwiseSqrt();
+  prior.standard_deviation = covariance.diagonal().cwiseSqrt().cwiseMax(kLeastDeviation);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(covariance);
   const Eigen::VectorXd variance = solver.eigenvalues().reverse().cwiseMax(0);
   const Eigen::MatrixXd direction = solver.eigenvectors().rowwise().reverse();

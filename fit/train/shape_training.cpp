@@ -166,17 +166,23 @@ TrainedShape train_one(Sex sex, const Survey& survey, const Shared& shared) {
   if (survey.bodies < 32 || survey.bodies > static_cast<int>(survey.training.size()))
     throw std::invalid_argument(std::string("the survey has ") + std::to_string(survey.training.size()) + " " + to_string(sex) + ", " + std::to_string(survey.bodies) + " are wanted");
 
-  // Drawn without replacement, then widened.
+  // Drawn without replacement, then widened; some more than needed, because not everybody can be made.
   std::vector<Person> people = survey.training;
   Random draw(shared.settings.seed, sex == Sex::men ? 11 : 12);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(survey.bodies); ++i) std::swap(people[i], people[i + draw.next() % (people.size() - i)]);
-  people.resize(static_cast<std::size_t>(survey.bodies));
+  const std::size_t drawn = std::min(people.size(), static_cast<std::size_t>(survey.bodies) * 9 / 8);
+  for (std::size_t i = 0; i < drawn; ++i) std::swap(people[i], people[i + draw.next() % (people.size() - i)]);
+  people.resize(drawn);
   const Widener widener(survey.training, survey.stature_sd, survey.mass_sd);
   for (auto& p : people) p = widener.widen(p);
 
   auto fitted = make_bodies(shared, people, 0);
   const auto held_out = make_bodies(shared, survey.held_out, 1);
   out.bodies = survey.bodies;
+  std::erase_if(fitted, [](const FittedBody& b) { return !b.matches(); });
+  out.rejected = static_cast<int>(drawn - fitted.size());
+  if (static_cast<int>(fitted.size()) < survey.bodies)
+    throw std::invalid_argument("only " + std::to_string(fitted.size()) + " of " + std::to_string(drawn) + " " + to_string(sex) + " could be made from the base body");
+  fitted.resize(static_cast<std::size_t>(survey.bodies));
   Eigen::MatrixXf bodies(shared.generator.stacked_size(), survey.bodies);
   std::array<double, kMeasures> squares{};
   for (int i = 0; i < survey.bodies; ++i) {

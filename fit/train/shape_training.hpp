@@ -40,7 +40,7 @@ struct TrainedShape {
   Eigen::VectorXd joint_residual;           ///< 24; mean over the held-out bodies, metres
   Eigen::VectorXd template_joint_residual;  ///< the same for template_regressor
   // What the database is like.
-  int bodies = 0;
+  int bodies = 0, rejected = 0;  ///< rejected: drawn, but beyond the sliders' range
   FittedMeasures error_mean = FittedMeasures::Zero(), error_worst = FittedMeasures::Zero();  ///< absolute, of made against wanted measures
   MeasureValues measure_mean{}, measure_sd{};
   double held_out_surface = 0;  ///< mean vertex distance of a held-out body from its projection onto the kept components, metres

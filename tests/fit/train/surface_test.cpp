@@ -61,15 +61,19 @@ TEST(Surface, RemeshedHalfStaysADiscWithEvenEdges) {
   constexpr double kTarget = 0.2;
   s.remesh(kTarget, 6);
   expect_disc(s);
-  double shortest = 1e9, longest = 0;
+  double shortest = 1e9, longest = 0, sum = 0;
+  int count = 0;
   for (const auto& f : s.faces())
     for (int i = 0; i < 3; ++i) {
       const double length = (s.position(f[static_cast<std::size_t>(i)]) - s.position(f[static_cast<std::size_t>((i + 1) % 3)])).norm();
       shortest = std::min(shortest, length);
       longest = std::max(longest, length);
+      sum += length;
+      ++count;
     }
-  EXPECT_GT(shortest, 0.4 * kTarget);
-  EXPECT_LT(longest, 1.5 * kTarget);
+  EXPECT_NEAR(sum / count, kTarget, 0.15 * kTarget);
+  EXPECT_GT(shortest, 0.3 * kTarget);
+  EXPECT_LT(longest, 1.8 * kTarget);
 }
 
 TEST(Surface, RowsAreConvexCombinationsThatGiveThePositions) {
