@@ -1,6 +1,7 @@
 // Inverts the lens distortion once for each pixel and cuts each pixel's ray with the stage, so that a frame's walls fall to one comparison.
 #include "fit/cloud/pixel_rays.hpp"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>

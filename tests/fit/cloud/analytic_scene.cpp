@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <list>
 #include <random>
+#include <utility>
 
 #include "fit/cloud/pixel_rays.hpp"
+#include "fit/cloud/projection.hpp"
 
 namespace booth::tests {
 namespace {
@@ -52,6 +55,28 @@ void box(const Vector3f& from, const Vector3f& dir, const Scene::Box& b, Hit& hi
     t1 = std::min(t1, far);
   }
   if (t0 < t1) hit.offer(t0, Vector3f::Unit(axis) * (dir[axis] > 0 ? -1.0f : 1.0f), b.owner);
+}
+
+/// The part of the image outside which a ball cannot be seen; generous, for the distortion.
+struct Window {
+  Window(const fit::Camera& camera, const Vector3f& centre, float radius) {
+    const fit::Pixel p = fit::project(camera, centre);
+    if (p.z < radius + 0.1f) return;  // near or behind: everywhere
+    const float reach = camera.fx * radius / (p.z - radius) * 1.2f + 8;
+    u0 = p.u - reach, u1 = p.u + reach, v0 = p.v - reach, v1 = p.v + reach;
+  }
+  bool contains(float u, float v) const { return u >= u0 && u <= u1 && v >= v0 && v <= v1; }
+  float u0 = -1e9f, u1 = 1e9f, v0 = -1e9f, v1 = 1e9f;
+};
+
+/// Tables are dear, and the tests share a few cameras.
+const fit::PixelRays& rays_of(const fit::Camera& camera) {
+  static std::list<std::pair<fit::Camera, fit::PixelRays>> known;
+  for (const auto& [c, rays] : known)
+    if (c.width == camera.width && c.height == camera.height && c.fx == camera.fx && c.fy == camera.fy && c.cx == camera.cx && c.cy == camera.cy &&
+        c.distortion == camera.distortion && c.rotation == camera.rotation && c.translation == camera.translation && c.depth_scale == camera.depth_scale)
+      return rays;
+  return known.emplace_back(camera, fit::PixelRays(camera, fit::CloudSettings{})).second;
 }
 
 }  // namespace
@@ -112,7 +137,10 @@ void Scene::add_chair(float x, float z, int owner) {
 }
 
 Rendering render(const Scene& scene, const fit::Camera& camera, int index) {
-  const fit::PixelRays rays(camera, fit::CloudSettings{});
+  const fit::PixelRays& rays = rays_of(camera);
+  std::vector<Window> capsule_windows, box_windows;
+  for (const auto& c : scene.capsules) capsule_windows.emplace_back(camera, (c.a + c.b) / 2, (c.b - c.a).norm() / 2 + c.radius);
+  for (const auto& b : scene.boxes) box_windows.emplace_back(camera, (b.low + b.high) / 2, (b.high - b.low).norm() / 2);
   Rendering out;
   const std::size_t pixels = rays.x.size();
   out.depth.assign(pixels, 0), out.owner.assign(pixels, -2), out.normal.assign(pixels, Vector3f::Zero());
@@ -121,11 +149,14 @@ Rendering render(const Scene& scene, const fit::Camera& camera, int index) {
   for (std::size_t i = 0; i < pixels; ++i) {
     const Vector3f dir = rays.to_world * Vector3f(rays.x[i], rays.y[i], 1), from = rays.centre;
     Hit hit;
-    for (const auto& c : scene.capsules) capsule(from, dir, c, hit);
-    for (const auto& b : scene.boxes) box(from, dir, b, hit);
+    const auto u = static_cast<float>(i % static_cast<std::size_t>(camera.width)), v = static_cast<float>(i / static_cast<std::size_t>(camera.width));
+    for (std::size_t k = 0; k < scene.capsules.size(); ++k)
+      if (capsule_windows[k].contains(u, v)) capsule(from, dir, scene.capsules[k], hit);
+    for (std::size_t k = 0; k < scene.boxes.size(); ++k)
+      if (box_windows[k].contains(u, v)) box(from, dir, scene.boxes[k], hit);
     if (scene.floor) {  // y - slope x = height
-      const float v = dir.y() - scene.floor_slope_x * dir.x();
-      if (v < 0) hit.offer((scene.floor_height + scene.floor_slope_x * from.x() - from.y()) / v, Vector3f::UnitY(), -1);
+      const float fall = dir.y() - scene.floor_slope_x * dir.x();
+      if (fall < 0) hit.offer((scene.floor_height + scene.floor_slope_x * from.x() - from.y()) / fall, Vector3f::UnitY(), -1);
     }
     if (scene.wall > 0) {
       for (const int k : {0, 2})
