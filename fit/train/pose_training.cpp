@@ -25,6 +25,33 @@ constexpr Reach kReach[] = {{"ltibia_rx", -5, 150},    {"lradius_rx", -5, 150}, 
                             {"lhumerus_rx", -110, 110}, {"lhumerus_ry", -85, 70},  {"lhumerus_rz", -95, 130}, {"lfoot_rx", -45, 45},    {"upperback_rx", -40, 70},
                             {"upperback_ry", -45, 45}, {"upperback_rz", -35, 35},  {"neck_rx", -50, 50},      {"neck_rz", -40, 40},     {"head_ry", -80, 80}};
 
+/// Poses that a search should know and the motions hardly hold; symmetric, degrees of the left side and the middle.
+struct WrittenPose {
+  double pitch;     ///< root_rx
+  double lift;      ///< metres between the lowest joint and where on_the_floor() puts it: half a body's thickness when lying
+  double upperback, humerus_rz, elbow, femur_rx, femur_rz, knee, foot;
+};
+constexpr WrittenPose kWrittenPoses[] = {
+    {0, 0, 0, 45, 0, 0, -13, 0, 0},            // A
+    {0, 0, 0, 0, 0, 0, -15, 0, 0},             // T
+    {0, 0, 0, -80, 10, 0, -18, 0, 0},          // arms straight up
+    {25, 0, 20, 60, 40, -115, -35, 130, -35},  // deep squat
+    {0, 0, 0, 70, 70, -90, -20, 90, 0},        // sitting
+    {0, 0, 0, 75, 20, -5, -20, 95, 35},        // kneeling
+    {-90, 0.08, 0, 70, 15, 0, -15, 0, 20},     // lying on the back
+    {90, 0.08, 0, 70, 15, 0, -15, 0, 40},      // lying on the front
+};
+
+PoseVector written(const WrittenPose& p) {
+  PoseVector q = PoseVector::Zero(), left = q;
+  left[13] = p.humerus_rz, left[14] = p.elbow, left[24] = p.femur_rx, left[26] = p.femur_rz, left[27] = p.knee, left[28] = p.foot;
+  q = left + mirror(left);
+  q[3] = p.pitch, q[6] = p.upperback;
+  q = on_the_floor(q * kDegree);
+  q[1] += p.lift;
+  return q;
+}
+
 double percentile(std::vector<double>& values, double part) {
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
@@ -172,13 +199,7 @@ PosePrior train_pose_prior(const Eigen::MatrixXf& frames, const std::vector<Moti
   };
   for (int i : medoids(upright, settings.standing_clusters, settings.seed)) add(upright[static_cast<std::size_t>(i)]);
   for (int i : medoids(some, settings.clusters, settings.seed + 1)) add(some[static_cast<std::size_t>(i)]);
-  PoseVector a_pose = PoseVector::Zero();
-  a_pose[13] = 45 * kDegree, a_pose[19] = -45 * kDegree;  // arms half down
-  a_pose[26] = -13 * kDegree, a_pose[32] = 13 * kDegree;  // legs a little apart
-  chosen.push_back(on_the_floor(a_pose));
-  PoseVector t_pose = PoseVector::Zero();
-  t_pose[26] = -15 * kDegree, t_pose[32] = 15 * kDegree;
-  chosen.push_back(on_the_floor(t_pose));
+  for (const auto& pose : kWrittenPoses) chosen.push_back(written(pose));
   prior.exemplars.resize(kDofs, static_cast<Eigen::Index>(chosen.size()));
   for (std::size_t i = 0; i < chosen.size(); ++i) {
     // As the file will hold them.

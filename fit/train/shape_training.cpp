@@ -197,22 +197,31 @@ TrainedShape train_one(Sex sex, const Survey& survey, const Shared& shared) {
   }
   for (std::size_t k = 0; k < squares.size(); ++k) out.measure_sd[k] = std::sqrt(std::max(0.0, squares[k] - out.measure_mean[k] * out.measure_mean[k]));
 
-  shared.progress(std::string(to_string(sex)) + ": components");
-  const Eigen::Index count = shared.blank.mirror_vertex.size();
-  find_components(bodies.topRows(3 * count), shared, out.model);
-
   shared.progress(std::string(to_string(sex)) + ": joint regressors");
-  RegressorInput input{out.model.mean, Points3::Zero(), out.model.mirror_vertex, &bodies};
-  for (int j = 0; j < kJoints; ++j) {
-    const int m = mirror_bone(j);
-    const Eigen::Vector3d here = bodies.middleRows(3 * (count + j), 3).cast<double>().rowwise().mean();
-    const Eigen::Vector3d there = bodies.middleRows(3 * (count + m), 3).cast<double>().rowwise().mean();
-    input.mean_joints.col(j) = (here + Eigen::Vector3d(-there.x(), there.y(), there.z())) / 2;
-  }
+  const Eigen::Index count = shared.blank.mirror_vertex.size();
+  const Eigen::VectorXd mean = bodies.cast<double>().rowwise().mean();
+  // The mean body and its mirror image, halved.
+  const auto symmetric = [&](Eigen::Index here, Eigen::Index there) -> Eigen::Vector3d {
+    const Eigen::Vector3d a = mean.segment<3>(3 * here), b = mean.segment<3>(3 * there);
+    return (a + Eigen::Vector3d(-b.x(), b.y(), b.z())) / 2;
+  };
+  RegressorInput input{Vertices(3, count), Points3::Zero(), out.model.mirror_vertex, &bodies};
+  for (Eigen::Index v = 0; v < count; ++v) input.mean.col(v) = symmetric(v, out.model.mirror_vertex[v]).cast<float>();
+  for (int j = 0; j < kJoints; ++j) input.mean_joints.col(j) = symmetric(count + j, count + mirror_bone(j));
   out.model.joint_regressor = train_joint_regressor(input);
   input.bodies = nullptr;
   out.template_regressor = train_joint_regressor(input);
   out.model.rest_pose = solve_rest_pose(input.mean_joints);
+
+  // A fitted body knows only its regressed root, so that is where the components are centred too.
+  shared.progress(std::string(to_string(sex)) + ": components");
+  const Eigen::VectorXf root_row = out.model.joint_regressor.row(0).cast<float>();
+  for (Eigen::Index b = 0; b < bodies.cols(); ++b) {
+    auto points = bodies.col(b).reshaped(3, count + kJoints);
+    const Eigen::Vector3f root = points.leftCols(count) * root_row;
+    points.colwise() -= root;
+  }
+  find_components(bodies.topRows(3 * count), shared, out.model);
 
   // What remains on bodies that nothing above has seen.
   out.joint_residual = Eigen::VectorXd::Zero(kJoints);
@@ -225,7 +234,8 @@ TrainedShape train_one(Sex sex, const Survey& survey, const Shared& shared) {
     const Points3 regressed = points * out.model.joint_regressor.transpose(), by_template = points * out.template_regressor.transpose();
     out.joint_residual += share * (regressed - body.rest_joints).colwise().norm().transpose();
     out.template_joint_residual += share * (by_template - body.rest_joints).colwise().norm().transpose();
-    const Eigen::VectorXf deviation = body.rest.reshaped() - out.model.mean.reshaped();
+    const Vertices centred = body.rest.colwise() - regressed.col(0).cast<float>();
+    const Eigen::VectorXf deviation = centred.reshaped() - out.model.mean.reshaped();
     Eigen::VectorXf rest = deviation;
     for (Eigen::Index k = 0; k < out.model.directions.cols(); ++k) {
       const auto d = out.model.directions.col(k);

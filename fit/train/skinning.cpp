@@ -6,6 +6,7 @@
 #include <numeric>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace booth::fit::train {
 namespace {
@@ -31,6 +32,7 @@ int our_bone(std::string_view pattern, bool left) {
 }
 
 constexpr int kSmoothingSteps = 3;
+constexpr double kLeastWeight = 0.005;
 
 }  // namespace
 
@@ -82,14 +84,17 @@ void transfer_skinning(const BaseBody& base, const TemplateMesh& mesh, BodyModel
     const bool right = model.mirror_vertex[v] < v;
     const auto rank = [&](int b) { return right ? mirror_bone(b) : b; };
     std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return symmetric(a, v) != symmetric(b, v) ? symmetric(a, v) > symmetric(b, v) : rank(a) < rank(b); });
-    double sum = 0;
+    std::vector<int> chosen;
     for (int i = 0; i < kSkinBones; ++i)
-      if (symmetric(order[static_cast<std::size_t>(i)], v) > 0.005) sum += symmetric(order[static_cast<std::size_t>(i)], v);
-    for (int i = 0; i < kSkinBones; ++i) {
-      const double w = symmetric(order[static_cast<std::size_t>(i)], v);
-      if (w <= 0.005) break;
-      model.skin_bone(i, v) = static_cast<std::uint8_t>(order[static_cast<std::size_t>(i)]);
-      model.skin_weight(i, v) = static_cast<float>(w / sum);
+      if (const int b = order[static_cast<std::size_t>(i)]; symmetric(b, v) > kLeastWeight) chosen.push_back(b);
+    // On the midline a bone stays only together with its counterpart.
+    if (model.mirror_vertex[v] == v)
+      std::erase_if(chosen, [all = chosen](int b) { return std::find(all.begin(), all.end(), mirror_bone(b)) == all.end(); });
+    double sum = 0;
+    for (int b : chosen) sum += symmetric(b, v);
+    for (std::size_t i = 0; i < chosen.size(); ++i) {
+      model.skin_bone(static_cast<Eigen::Index>(i), v) = static_cast<std::uint8_t>(chosen[i]);
+      model.skin_weight(static_cast<Eigen::Index>(i), v) = static_cast<float>(symmetric(chosen[i], v) / sum);
     }
   }
 }

@@ -20,7 +20,8 @@ constexpr double kDegree = std::numbers::pi / 180;
 class MotionFile : public testing::Test {
  protected:
   std::filesystem::path write(const std::string& name, const std::string& text) {
-    const auto path = std::filesystem::path(testing::TempDir()) / ("booth-motion-" + std::to_string(::testing::UnitTest::GetInstance()->random_seed()) + "-" + name);
+    const auto path =
+        std::filesystem::path(testing::TempDir()) / ("booth-motion-" + std::to_string(::testing::UnitTest::GetInstance()->random_seed()) + "-" + name);
     std::ofstream(path, std::ios::binary) << text;
     files_.push_back(path);
     return path;
@@ -76,7 +77,9 @@ TEST_F(MotionFile, TheFoldPutsHandsShouldersAndHeadWhereTheFullSkeletonHasThem) 
   fit::Kinematics kin;
   fit::forward_kinematics(q, fit::average_bone_vectors(), kin);
   const auto turn = [](double rx, double ry, double rz) -> Eigen::Matrix3d {
-    return (Eigen::AngleAxisd(rz * kDegree, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(ry * kDegree, Eigen::Vector3d::UnitY()) * Eigen::AngleAxisd(rx * kDegree, Eigen::Vector3d::UnitX())).matrix();
+    return (Eigen::AngleAxisd(rz * kDegree, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(ry * kDegree, Eigen::Vector3d::UnitY()) *
+            Eigen::AngleAxisd(rx * kDegree, Eigen::Vector3d::UnitX()))
+        .matrix();
   };
   Eigen::Matrix3d g = turn(5, 25, 3);
   Eigen::Vector3d p = q.head<3>();
@@ -101,8 +104,8 @@ TEST_F(MotionFile, TheFoldPutsHandsShouldersAndHeadWhereTheFullSkeletonHasThem) 
 std::string bvh(const std::string& frame_time, const std::string& values) {
   std::string text = "HIERARCHY\nROOT Hips\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation\n";
   int open = 1;
-  for (const char* name : {"LeftUpLeg", "LeftLeg", "LeftFoot", "RightUpLeg", "RightLeg", "RightFoot", "LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head", "LeftShoulder", "LeftArm",
-                           "LeftForeArm", "RightShoulder", "RightArm", "RightForeArm"}) {
+  for (const char* name : {"LeftUpLeg", "LeftLeg", "LeftFoot", "RightUpLeg", "RightLeg", "RightFoot", "LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head",
+                           "LeftShoulder", "LeftArm", "LeftForeArm", "RightShoulder", "RightArm", "RightForeArm"}) {
     text += "JOINT " + std::string(name) + "\n{\nOFFSET 1 2 3\nCHANNELS 3 Zrotation Yrotation Xrotation\n";
     ++open;
   }

@@ -1,0 +1,72 @@
+// `boothctl model`: what `info` says about the committed files, and the sentences that bad input gets.
+#include "daemon/ctl/model_verb.hpp"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "daemon/io/model_file.hpp"
+
+namespace booth::daemon {
+namespace {
+
+const std::filesystem::path kModels = std::filesystem::path(BOOTH_SOURCE_DIR) / "fit" / "models";
+
+nlohmann::json info(const std::string& file) {
+  std::ostringstream out;
+  EXPECT_EQ(run_model_info({kModels / file, true}, out), 0);
+  return nlohmann::json::parse(out.str());
+}
+
+TEST(ModelInfo, BodyModelNumbersAgreeWithTheFile) {
+  for (const std::string sex : {"men", "women"}) {
+    const auto said = info(sex + ".npz");
+    const auto data = load_body_model_data(kModels / (sex + ".npz"));
+    EXPECT_EQ(said.at("sex"), sex);
+    EXPECT_EQ(said.at("vertices"), data.mean.cols());
+    EXPECT_EQ(said.at("components"), data.directions.cols());
+    EXPECT_TRUE(said.at("closed"));
+    const int k95 = said.at("components_95"), k99 = said.at("components_99");
+    EXPECT_GE(data.explained[k95 - 1], 0.95);
+    EXPECT_LT(data.explained[k95 - 2], 0.95);
+    EXPECT_GE(data.explained[k99 - 1], 0.99);
+    EXPECT_EQ(said.at("explained_15").get<double>(), data.explained[14]);
+    EXPECT_GT(said.at("explained_15").get<double>(), 0.9);
+    EXPECT_NEAR(said.at("mean_body").at("stature").get<double>(), sex == "men" ? 1.756 : 1.629, 0.02);
+  }
+}
+
+TEST(ModelInfo, KnowsThePriorAndTheTestBodies) {
+  const auto prior = info("pose.npz");
+  EXPECT_EQ(prior.at("angles"), 30);
+  EXPECT_NEAR(prior.at("components").get<int>(), 18, 3);
+  EXPECT_EQ(prior.at("limits").size(), 30u);
+  const auto bodies = info("test_bodies.npz");
+  EXPECT_EQ(bodies.at("bodies"), 90);
+  EXPECT_EQ(bodies.at("men"), 45);
+}
+
+TEST(ModelInfo, PlainTextHasTheSameKeys) {
+  std::ostringstream out;
+  run_model_info({kModels / "men.npz", false}, out);
+  for (const char* key : {"version", "components_95", "explained_15", "stature"}) EXPECT_NE(out.str().find(key), std::string::npos) << key;
+}
+
+TEST(ModelTraining, MissingDataGetsASentenceThatNamesTheFile) {
+  std::ostringstream out;
+  TrainShapeOptions options;
+  options.makehuman = "/nonexistent/base";
+  options.ansur = "/nonexistent/survey";
+  options.out = kModels;
+  try {
+    run_model_train_shape(options, out);
+    ADD_FAILURE();
+  } catch (const std::runtime_error& e) {
+    EXPECT_NE(std::string(e.what()).find("/nonexistent/survey"), std::string::npos) << e.what();
+  }
+  EXPECT_THROW(run_model_train_pose({"/nonexistent", kModels / "never.npz", {}, 1}, out), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace booth::daemon
