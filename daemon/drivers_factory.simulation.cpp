@@ -43,7 +43,8 @@ Body load_body(const SimulationRequest& request) {
   if (request.body != "men" && request.body != "women") throw std::invalid_argument(fmt::format("--body {}: allowed are men, women and test:N", request.body));
   body.model = model_of(request.body == "women" ? fit::Sex::women : fit::Sex::men);
   const int most = body.model->shape_count();
-  if (static_cast<int>(request.beta.size()) > most) throw std::invalid_argument(fmt::format("--beta has {} numbers, the model has {} coefficients", request.beta.size(), most));
+  if (static_cast<int>(request.beta.size()) > most)
+    throw std::invalid_argument(fmt::format("--beta has {} numbers, the model has {} coefficients", request.beta.size(), most));
   body.beta = fit::ShapeVector::Zero(most);
   for (std::size_t k = 0; k < request.beta.size(); ++k) {
     if (!(std::abs(request.beta[k]) <= 10)) throw std::invalid_argument("--beta: each coefficient is in standard deviations and must be from -10 to 10");
@@ -63,7 +64,8 @@ drivers::Motion load_motion(const SimulationRequest& request, const Body& body) 
   drivers::Motion motion;
   motion.frames = read_motion(request.motion);
   const double length = motion.seconds();
-  if (!(request.from >= 0 && request.from <= length)) throw std::invalid_argument(fmt::format("--from {}: {} is {:.2f} s long", request.from, request.motion, length));
+  if (!(request.from >= 0 && request.from <= length))
+    throw std::invalid_argument(fmt::format("--from {}: {} is {:.2f} s long", request.from, request.motion, length));
   motion.frames.erase(motion.frames.begin(), motion.frames.begin() + std::lround(request.from * motion.rate));
   if (request.seconds > 0) motion.frames.resize(std::min(motion.frames.size(), static_cast<std::size_t>(std::lround(request.seconds * motion.rate)) + 1));
   drivers::place_on_stage(motion, contact, {.keep_path = request.keep_path, .leg_scale = drivers::leg_scale(*body.model, body.joints)});
@@ -74,7 +76,8 @@ drivers::Motion load_motion(const SimulationRequest& request, const Body& body) 
 
 Simulation open_simulation(const SimulationRequest& request) {
   if (!(request.seconds >= 0 && request.seconds <= 86400)) throw std::invalid_argument("--seconds must be from 0 (as long as the motion) to 86400");
-  if (request.layout != "rosbag2" && request.layout != "folder") throw std::invalid_argument(fmt::format("--layout {}: allowed are rosbag2 and folder", request.layout));
+  if (request.layout != "rosbag2" && request.layout != "folder")
+    throw std::invalid_argument(fmt::format("--layout {}: allowed are rosbag2 and folder", request.layout));
   drivers::SceneSettings scene;
   scene.cameras = drivers::camera_ring();
   scene.noise = drivers::NoiseModel::parse(request.noise);
@@ -95,7 +98,8 @@ Simulation open_simulation(const SimulationRequest& request) {
   const auto clock = std::make_shared<drivers::ManualClock>();
   const auto cameras = scene.cameras;
   auto source = drivers::make_scene(std::move(scene), {std::move(person)}, clock);
-  simulation.sink = drivers::create_recording(request.out, request.layout == "folder" ? drivers::Layout::folder : drivers::Layout::rosbag2, cameras, truth, source.background);
+  simulation.sink = drivers::create_recording(request.out, request.layout == "folder" ? drivers::Layout::folder : drivers::Layout::rosbag2, cameras, truth,
+                                              source.background);
   simulation.source = {.clock = clock,
                        .cameras = std::move(source.cameras),
                        .truth = std::move(source.truth),

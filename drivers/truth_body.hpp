@@ -13,14 +13,14 @@ inline constexpr int kTruthBones = 24;
 
 /// CMU axes (y up, z forward, x left), metres; bones in the order of docs/reference/skeleton.md.
 struct TruthBody {
-  std::string name;                                             ///< e.g. "test:7"
-  std::string sex;                                              ///< "men" or "women"
-  std::vector<double> beta;                                     ///< empty when the body is not in the shape space
-  std::array<double, 36> rest_pose{};                           ///< q_rest
+  std::string name;                    ///< e.g. "test:7"
+  std::string sex;                     ///< "men" or "women"
+  std::vector<double> beta;            ///< empty when the body is not in the shape space
+  std::array<double, 36> rest_pose{};  ///< q_rest
   std::array<std::array<double, 3>, kTruthBones> rest_joints{};
-  std::vector<std::array<float, 3>> vertices;                   ///< at rest
+  std::vector<std::array<float, 3>> vertices;  ///< at rest
   std::vector<std::array<int, 3>> faces;
-  std::vector<std::array<int, kTruthSkinBones>> bones;          ///< per vertex
+  std::vector<std::array<int, kTruthSkinBones>> bones;  ///< per vertex
   std::vector<std::array<float, kTruthSkinBones>> weights;
 };
 

@@ -57,13 +57,21 @@ void run(const Options& options) {
   simulation.sink->close();
   if (isatty(STDERR_FILENO) != 0) std::cerr << "\r\033[K";
   if (options.json) {
-    std::cout << nlohmann::json{{"recording", options.request.out.string()}, {"layout", options.request.layout}, {"cameras", next.size()}, {"frames", frames}, {"seconds", simulation.seconds},
-                                {"body", options.request.body}, {"motion", options.request.motion}, {"noise", options.request.noise}, {"seed", options.request.seed}}
+    std::cout << nlohmann::json{{"recording", options.request.out.string()},
+                                {"layout", options.request.layout},
+                                {"cameras", next.size()},
+                                {"frames", frames},
+                                {"seconds", simulation.seconds},
+                                {"body", options.request.body},
+                                {"motion", options.request.motion},
+                                {"noise", options.request.noise},
+                                {"seed", options.request.seed}}
                      .dump(2)
               << "\n";
   } else {
-    std::cout << fmt::format("{}: {:.1f} s, {} frames of {} cameras ({}), body {}, motion {}, noise {}, seed {}\n", options.request.out.string(), simulation.seconds, frames, next.size(),
-                             options.request.layout, options.request.body, options.request.motion, options.request.noise, options.request.seed);
+    std::cout << fmt::format("{}: {:.1f} s, {} frames of {} cameras ({}), body {}, motion {}, noise {}, seed {}\n", options.request.out.string(),
+                             simulation.seconds, frames, next.size(), options.request.layout, options.request.body, options.request.motion,
+                             options.request.noise, options.request.seed);
   }
 }
 
@@ -76,7 +84,9 @@ void add_simulate_verb(CLI::App& app) {
   verb->add_option("--out", r.out, "The recording to make; must not exist")->required();
   verb->add_option("--body", r.body, "men, women or test:N (a body set aside from training)")->capture_default_str();
   verb->add_option("--beta", r.beta, "Shape coefficients B1,B2,... in standard deviations")->delimiter(',');
-  verb->add_option("--motion", r.motion, "A motion's name (showcase, walk, turn, wave, kick, squat, roll-hands, jump, a-pose, left-arm) or a file .npy, .amc, .bvh")->capture_default_str();
+  verb->add_option("--motion", r.motion,
+                   "A motion's name (showcase, walk, turn, wave, kick, squat, roll-hands, jump, a-pose, left-arm) or a file .npy, .amc, .bvh")
+      ->capture_default_str();
   verb->add_option("--from", r.from, "Seconds to leave out at the start of a motion file");
   verb->add_option("--seconds", r.seconds, "Length; 0: as long as the motion")->capture_default_str();
   verb->add_option("--noise", r.noise, "kinect2, none or gaussian:SIGMA (metres)")->capture_default_str();

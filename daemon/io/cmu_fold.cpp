@@ -14,9 +14,9 @@ using Eigen::Vector3d;
 
 struct Entry {
   std::string_view name;
-  CmuBone parent;               // count: the root
-  std::array<double, 3> vector; // of the average skeleton, metres (NOTICE)
-  std::array<double, 3> axis;   // degrees
+  CmuBone parent;                // count: the root
+  std::array<double, 3> vector;  // of the average skeleton, metres (NOTICE)
+  std::array<double, 3> axis;    // degrees
 };
 using enum CmuBone;
 
@@ -46,7 +46,7 @@ Vector3d vector_of(int b) { return Vector3d(kTable[static_cast<std::size_t>(b)].
 /// rx, ry, rz of R = Z Y X.
 Vector3d zyx(const Matrix3d& r) { return {std::atan2(r(2, 1), r(2, 2)), std::asin(std::clamp(-r(2, 0), -1.0, 1.0)), std::atan2(r(1, 0), r(0, 0))}; }
 
-constexpr int kFirst = 6, kCount = 18;   // q[6..23], the upper body
+constexpr int kFirst = 6, kCount = 18;  // q[6..23], the upper body
 constexpr int kDirections = 2, kPoints = 9 + kDirections;
 constexpr double kReach = 0.1, kDirectionWeight = 0.3, kPull = 0.02;  // metres; relative; metres per radian
 
@@ -62,7 +62,8 @@ const std::array<Target, kPoints>& targets() {
     int i = 0;
     for (const char* name : {"chest_top", "lshoulder", "lelbow", "lwrist", "rshoulder", "relbow", "rwrist", "head_base", "head_top"})
       t[static_cast<std::size_t>(i++)] = {fit::joint_index(name), Vector3d::Zero(), 1};
-    for (const char* name : {"chest_top", "head_top"}) t[static_cast<std::size_t>(i++)] = {fit::joint_index(name), kReach * Vector3d::UnitZ(), kDirectionWeight};
+    for (const char* name : {"chest_top", "head_top"})
+      t[static_cast<std::size_t>(i++)] = {fit::joint_index(name), kReach * Vector3d::UnitZ(), kDirectionWeight};
     return t;
   }();
   return list;
@@ -83,8 +84,10 @@ Points full_points(const CmuPose& pose) {
   }
   Points p;
   int column = 0;
-  for (const CmuBone b : {thorax, lclavicle, lhumerus, lradius, rclavicle, rhumerus, rradius, upperneck, head}) p.col(column++) = end[static_cast<std::size_t>(b)];
-  for (const CmuBone b : {thorax, head}) p.col(column++) = end[static_cast<std::size_t>(b)] + rotation[static_cast<std::size_t>(b)] * (kReach * Vector3d::UnitZ());
+  for (const CmuBone b : {thorax, lclavicle, lhumerus, lradius, rclavicle, rhumerus, rradius, upperneck, head})
+    p.col(column++) = end[static_cast<std::size_t>(b)];
+  for (const CmuBone b : {thorax, head})
+    p.col(column++) = end[static_cast<std::size_t>(b)] + rotation[static_cast<std::size_t>(b)] * (kReach * Vector3d::UnitZ());
   return p;
 }
 
@@ -148,7 +151,9 @@ const Matrix3d& cmu_axes(int bone) {
     constexpr double degree = std::numbers::pi / 180;
     for (std::size_t b = 0; b < kCmuBones; ++b) {
       const auto& a = kTable[b].axis;
-      list[b] = (Eigen::AngleAxisd(a[2] * degree, Vector3d::UnitZ()) * Eigen::AngleAxisd(a[1] * degree, Vector3d::UnitY()) * Eigen::AngleAxisd(a[0] * degree, Vector3d::UnitX())).matrix();
+      list[b] = (Eigen::AngleAxisd(a[2] * degree, Vector3d::UnitZ()) * Eigen::AngleAxisd(a[1] * degree, Vector3d::UnitY()) *
+                 Eigen::AngleAxisd(a[0] * degree, Vector3d::UnitX()))
+                    .matrix();
     }
     return list;
   }();

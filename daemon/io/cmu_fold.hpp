@@ -11,9 +11,24 @@ namespace booth::daemon {
 
 /// The bones of an ASF file that move something q knows of. Parents stand before children.
 enum class CmuBone : int {
-  lfemur, ltibia, lfoot, rfemur, rtibia, rfoot,
-  lowerback, upperback, thorax, lowerneck, upperneck, head,
-  lclavicle, lhumerus, lradius, rclavicle, rhumerus, rradius,
+  lfemur,
+  ltibia,
+  lfoot,
+  rfemur,
+  rtibia,
+  rfoot,
+  lowerback,
+  upperback,
+  thorax,
+  lowerneck,
+  upperneck,
+  head,
+  lclavicle,
+  lhumerus,
+  lradius,
+  rclavicle,
+  rhumerus,
+  rradius,
   count
 };
 inline constexpr int kCmuBones = static_cast<int>(CmuBone::count);
@@ -26,9 +41,9 @@ const Eigen::Matrix3d& cmu_axes(int bone);
 
 /// Rotations of a bone with respect to its parent, the identity in the neutral pose: L = C R C^T.
 struct CmuPose {
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();    ///< of the root, metres
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< of the root, metres
   Eigen::Matrix3d root = Eigen::Matrix3d::Identity();
-  std::array<Eigen::Matrix3d, kCmuBones> local;          ///< identities where a file says nothing
+  std::array<Eigen::Matrix3d, kCmuBones> local;  ///< identities where a file says nothing
   CmuPose() { local.fill(Eigen::Matrix3d::Identity()); }
 };
 

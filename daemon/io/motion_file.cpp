@@ -37,7 +37,8 @@ double finite_number(const std::filesystem::path& path, const TextScanner& in, s
 
 std::vector<fit::PoseVector> read_npy_motion(const std::filesystem::path& path) {
   const NpzArray a = read_npy(path);
-  if (a.type == NpzType::text || a.shape.size() != 2 || a.shape[1] != fit::kDofs || a.shape[0] == 0) fail(path, "must be an array of numbers of shape N x 36 with at least one row");
+  if (a.type == NpzType::text || a.shape.size() != 2 || a.shape[1] != fit::kDofs || a.shape[0] == 0)
+    fail(path, "must be an array of numbers of shape N x 36 with at least one row");
   std::vector<fit::PoseVector> frames(a.shape[0]);
   for (std::size_t i = 0; i < a.size(); ++i) {
     const double value = a.number(i);
@@ -51,10 +52,19 @@ std::vector<fit::PoseVector> read_npy_motion(const std::filesystem::path& path) 
 std::string_view dofs_of(CmuBone bone) {
   using enum CmuBone;
   switch (bone) {
-    case ltibia: case rtibia: case lradius: case rradius: return "x";
-    case lfoot: case rfoot: return "xz";
-    case lclavicle: case rclavicle: return "yz";
-    default: return "xyz";
+    case ltibia:
+    case rtibia:
+    case lradius:
+    case rradius:
+      return "x";
+    case lfoot:
+    case rfoot:
+      return "xz";
+    case lclavicle:
+    case rclavicle:
+      return "yz";
+    default:
+      return "xyz";
   }
 }
 
@@ -124,10 +134,24 @@ int bone_of_bvh(std::string_view joint) {
   struct Name {
     std::string_view bvh, asf;
   };
-  static constexpr std::array<Name, kCmuBones> names{{{"LeftUpLeg", "lfemur"},     {"LeftLeg", "ltibia"},        {"LeftFoot", "lfoot"},   {"RightUpLeg", "rfemur"}, {"RightLeg", "rtibia"},
-                                                      {"RightFoot", "rfoot"},      {"LowerBack", "lowerback"},   {"Spine", "upperback"},  {"Spine1", "thorax"},     {"Neck", "lowerneck"},
-                                                      {"Neck1", "upperneck"},      {"Head", "head"},             {"LeftShoulder", "lclavicle"}, {"LeftArm", "lhumerus"}, {"LeftForeArm", "lradius"},
-                                                      {"RightShoulder", "rclavicle"}, {"RightArm", "rhumerus"}, {"RightForeArm", "rradius"}}};
+  static constexpr std::array<Name, kCmuBones> names{{{"LeftUpLeg", "lfemur"},
+                                                      {"LeftLeg", "ltibia"},
+                                                      {"LeftFoot", "lfoot"},
+                                                      {"RightUpLeg", "rfemur"},
+                                                      {"RightLeg", "rtibia"},
+                                                      {"RightFoot", "rfoot"},
+                                                      {"LowerBack", "lowerback"},
+                                                      {"Spine", "upperback"},
+                                                      {"Spine1", "thorax"},
+                                                      {"Neck", "lowerneck"},
+                                                      {"Neck1", "upperneck"},
+                                                      {"Head", "head"},
+                                                      {"LeftShoulder", "lclavicle"},
+                                                      {"LeftArm", "lhumerus"},
+                                                      {"LeftForeArm", "lradius"},
+                                                      {"RightShoulder", "rclavicle"},
+                                                      {"RightArm", "rhumerus"},
+                                                      {"RightForeArm", "rradius"}}};
   for (const Name& n : names)
     if (n.bvh == joint) return cmu_bone(n.asf);
   return -1;
@@ -166,7 +190,8 @@ std::vector<fit::PoseVector> read_bvh(const std::filesystem::path& path) {
       for (int i = 0; i < count; ++i) {
         const auto name = next();
         const bool rotation = name.ends_with("rotation"), position = name.ends_with("position");
-        if ((!rotation && !position) || name.size() != 9 || name[0] < 'X' || name[0] > 'Z') fail(path, in.where() + ": the channel '" + std::string(name.substr(0, 40)) + "' is not known");
+        if ((!rotation && !position) || name.size() != 9 || name[0] < 'X' || name[0] > 'Z')
+          fail(path, in.where() + ": the channel '" + std::string(name.substr(0, 40)) + "' is not known");
         channels.push_back({bone, static_cast<char>(rotation ? name[0] - 'X' + 'x' : name[0])});
       }
     } else if (word == "End") {
@@ -176,12 +201,16 @@ std::vector<fit::PoseVector> read_bvh(const std::filesystem::path& path) {
     }
     if (channels.size() > 10'000) fail(path, in.where() + ": too many channels");
   }
-  if (found < kCmuBones) fail(path, "has " + std::to_string(found) + " of the " + std::to_string(kCmuBones) + " joints of the MotionBuilder-friendly CMU conversion (LeftUpLeg, LowerBack, Spine1 ...)");
+  if (found < kCmuBones)
+    fail(path, "has " + std::to_string(found) + " of the " + std::to_string(kCmuBones) +
+                   " joints of the MotionBuilder-friendly CMU conversion (LeftUpLeg, LowerBack, Spine1 ...)");
 
   std::size_t count = 0;
   double frame_time = 0;
-  if (next() != "Frames:" || !parse_number(next(), count) || count < 2 || count > kMostFrames) fail(path, in.where() + ": expected 'Frames:' and a number from 2 on (the first is a T-pose)");
-  if (next() != "Frame" || next() != "Time:" || !((frame_time = finite_number(path, in, next())) > 1e-4 && frame_time < 1)) fail(path, in.where() + ": expected 'Frame Time:' and seconds");
+  if (next() != "Frames:" || !parse_number(next(), count) || count < 2 || count > kMostFrames)
+    fail(path, in.where() + ": expected 'Frames:' and a number from 2 on (the first is a T-pose)");
+  if (next() != "Frame" || next() != "Time:" || !((frame_time = finite_number(path, in, next())) > 1e-4 && frame_time < 1))
+    fail(path, in.where() + ": expected 'Frame Time:' and seconds");
   const auto step = static_cast<std::size_t>(std::max(1.0, std::round(1.0 / 30 / frame_time)));
 
   std::vector<fit::PoseVector> frames;

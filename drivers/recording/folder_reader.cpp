@@ -146,12 +146,14 @@ RecordedCameraData read_camera(const fs::path& path, const fs::path& file, const
 
   if (t.has("background")) {
     const auto* entries = t.table()["background"].as_array();
-    if (entries == nullptr || entries->size() > kMaxBackground) t.wrong("background", "must be an array of frame numbers or file names, at most " + std::to_string(kMaxBackground));
+    if (entries == nullptr || entries->size() > kMaxBackground)
+      t.wrong("background", "must be an array of frame numbers or file names, at most " + std::to_string(kMaxBackground));
     PngReader reader(k.width, k.height);
     for (const auto& entry : *entries) {
       std::string name;
       if (const auto number = entry.value<std::int64_t>()) {
-        if (*number < 0 || *number >= static_cast<std::int64_t>(files.size())) t.wrong("background", "names frame " + std::to_string(*number) + ", the recording has " + std::to_string(files.size()));
+        if (*number < 0 || *number >= static_cast<std::int64_t>(files.size()))
+          t.wrong("background", "names frame " + std::to_string(*number) + ", the recording has " + std::to_string(files.size()));
         name = files[static_cast<std::size_t>(*number)];
       } else if (const auto text = entry.value<std::string>(); text && stays_inside(*text)) {
         name = (folder / *text).string();
@@ -159,7 +161,8 @@ RecordedCameraData read_camera(const fs::path& path, const fs::path& file, const
         t.wrong("background", "must hold frame numbers (from 0, in the order of depth.txt) or file names inside the folder");
       }
       auto& picture = data.background.emplace_back(static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height));
-      if (reader.read(name.c_str(), picture) != Load::ok) t.wrong("background", "names " + name + ", which is missing or not a 16-bit grey PNG of the camera's size");
+      if (reader.read(name.c_str(), picture) != Load::ok)
+        t.wrong("background", "names " + name + ", which is missing or not a 16-bit grey PNG of the camera's size");
     }
   }
   data.frames = std::make_unique<FolderStore>(std::move(times), std::move(files), k.width, k.height);

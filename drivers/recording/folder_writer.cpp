@@ -92,10 +92,12 @@ class FolderWriter final : public hal::DepthSink {
     for (std::size_t i = 0; i < cameras_.size(); ++i) {
       const auto& c = cameras_[i];
       const auto& k = c.intrinsics;
-      out << "\n[[camera]]\nname = " << quoted(c.name) << "\nserial = " << quoted(c.serial) << "\nfolder = " << quoted(folder_name(i)) << "\nwidth = " << k.width
-          << "\nheight = " << k.height << "\nfx = " << real(k.fx) << "\nfy = " << real(k.fy) << "\ncx = " << real(k.cx) << "\ncy = " << real(k.cy) << "\ndistortion = [";
+      out << "\n[[camera]]\nname = " << quoted(c.name) << "\nserial = " << quoted(c.serial) << "\nfolder = " << quoted(folder_name(i))
+          << "\nwidth = " << k.width << "\nheight = " << k.height << "\nfx = " << real(k.fx) << "\nfy = " << real(k.fy) << "\ncx = " << real(k.cx)
+          << "\ncy = " << real(k.cy) << "\ndistortion = [";
       for (std::size_t j = 0; j < 5; ++j) out << (j > 0 ? ", " : "") << real(k.distortion[j]);
-      out << "]  # k1 k2 p1 p2 k3\ndepth_scale = " << real(c.depth_scale) << "  # metres per count; 0 = no measurement\nrate = " << real(c.nominal_rate) << "\nbackground = [";
+      out << "]  # k1 k2 p1 p2 k3\ndepth_scale = " << real(c.depth_scale) << "  # metres per count; 0 = no measurement\nrate = " << real(c.nominal_rate)
+          << "\nbackground = [";
       for (std::size_t j = 0; j < background[i].size(); ++j) out << (j > 0 ? ", " : "") << quoted(background[i][j]);
       out << "]  # the empty room\ncamera_to_world = [\n";
       for (std::size_t r = 0; r < 3; ++r) {
@@ -120,8 +122,8 @@ class FolderWriter final : public hal::DepthSink {
 
 }  // namespace
 
-std::unique_ptr<hal::DepthSink> write_folder(const std::filesystem::path& path, const std::vector<hal::CameraDescription>& cameras, const std::optional<TruthBody>& body,
-                                             const std::vector<hal::DepthFrame>& background) {
+std::unique_ptr<hal::DepthSink> write_folder(const std::filesystem::path& path, const std::vector<hal::CameraDescription>& cameras,
+                                             const std::optional<TruthBody>& body, const std::vector<hal::DepthFrame>& background) {
   return std::make_unique<FolderWriter>(path, cameras, body, background);
 }
 

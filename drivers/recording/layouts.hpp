@@ -15,10 +15,10 @@ namespace booth::drivers {
 std::vector<RecordedCameraData> read_folder(const std::filesystem::path& path);
 std::vector<RecordedCameraData> read_rosbag2(const std::filesystem::path& path);
 
-std::unique_ptr<hal::DepthSink> write_folder(const std::filesystem::path& path, const std::vector<hal::CameraDescription>& cameras, const std::optional<TruthBody>& body,
-                                             const std::vector<hal::DepthFrame>& background);
-std::unique_ptr<hal::DepthSink> write_rosbag2(const std::filesystem::path& path, const std::vector<hal::CameraDescription>& cameras, const std::optional<TruthBody>& body,
-                                              const std::vector<hal::DepthFrame>& background);
+std::unique_ptr<hal::DepthSink> write_folder(const std::filesystem::path& path, const std::vector<hal::CameraDescription>& cameras,
+                                             const std::optional<TruthBody>& body, const std::vector<hal::DepthFrame>& background);
+std::unique_ptr<hal::DepthSink> write_rosbag2(const std::filesystem::path& path, const std::vector<hal::CameraDescription>& cameras,
+                                              const std::optional<TruthBody>& body, const std::vector<hal::DepthFrame>& background);
 
 /// What any layout must hold to: finite intrinsics, a right-handed rotation (made exactly orthonormal here), sizes that 64 MiB of depth can have.
 /// Throws std::runtime_error beginning with `place`.

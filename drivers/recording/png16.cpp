@@ -72,7 +72,9 @@ Load PngReader::read(const char* path, std::vector<std::uint16_t>& depth) noexce
 }
 
 void write_png16(const std::filesystem::path& path, int width, int height, const std::uint16_t* depth) {
-  const auto fail = [&](const char* why) { throw std::runtime_error("cannot write " + path.string() + ": " + why + "; check the disk's space and permissions"); };
+  const auto fail = [&](const char* why) {
+    throw std::runtime_error("cannot write " + path.string() + ": " + why + "; check the disk's space and permissions");
+  };
   File file(std::fopen(path.c_str(), "wbe"));
   if (!file) fail(std::strerror(errno));
   std::vector<unsigned char*> rows(static_cast<std::size_t>(height));

@@ -63,17 +63,26 @@ hal::ReadStatus RecordedCamera::read(hal::DepthFrame& slot, hal::Nanoseconds tim
   // The picture is decoded before it is due, so that decoding adds nothing to the latency.
   while (!loaded_ && next_ < frames_->times().size()) {
     switch (frames_->load(next_, depth_)) {
-      case Load::ok: loaded_ = true; continue;
-      case Load::missing: ++dropped_; break;
-      case Load::broken: ++corrupt_; break;
+      case Load::ok:
+        loaded_ = true;
+        continue;
+      case Load::missing:
+        ++dropped_;
+        break;
+      case Load::broken:
+        ++corrupt_;
+        break;
     }
     go_to(next_ + 1);
   }
   if (!loaded_) return hal::ReadStatus::ended;
   switch (timeline_->wait(index_, at(next_), {}, timeout)) {
-    case Timeline::Wait::stopped: return hal::ReadStatus::ended;
-    case Timeline::Wait::timeout: return hal::ReadStatus::timeout;
-    case Timeline::Wait::due: break;
+    case Timeline::Wait::stopped:
+      return hal::ReadStatus::ended;
+    case Timeline::Wait::timeout:
+      return hal::ReadStatus::timeout;
+    case Timeline::Wait::due:
+      break;
   }
   if (slot.depth.size() != depth_.size()) slot.depth.resize(depth_.size());
   slot.depth.swap(depth_);

@@ -22,7 +22,8 @@ void check_description(hal::CameraDescription& camera, const std::string& place)
   require(std::isfinite(k.cx) && std::isfinite(k.cy), "has an image centre (cx, cy) that is no number");
   for (const double d : k.distortion) require(std::isfinite(d), "has a distortion that is no number");
   require(std::isfinite(camera.depth_scale) && camera.depth_scale > 0 && camera.depth_scale <= 1, "has a depth_scale outside 0 to 1 metre per count");
-  for (const double t : camera.camera_to_world.translation) require(std::isfinite(t) && std::abs(t) < 1000, "stands further than 1000 m away (camera_to_world)");
+  for (const double t : camera.camera_to_world.translation)
+    require(std::isfinite(t) && std::abs(t) < 1000, "stands further than 1000 m away (camera_to_world)");
 
   auto& r = camera.camera_to_world.rotation;  // row-major
   for (const double x : r) require(std::isfinite(x), "has a rotation that is no number (camera_to_world)");
@@ -46,7 +47,8 @@ void check_description(hal::CameraDescription& camera, const std::string& place)
 
 const hal::CameraDescription& camera_of(const hal::DepthFrame& frame, const std::vector<hal::CameraDescription>& cameras) {
   const auto index = static_cast<std::size_t>(hal::to_int(frame.camera));
-  if (index >= cameras.size()) throw std::runtime_error("a frame of camera " + std::to_string(index) + " cannot be recorded: the recording has " + std::to_string(cameras.size()));
+  if (index >= cameras.size())
+    throw std::runtime_error("a frame of camera " + std::to_string(index) + " cannot be recorded: the recording has " + std::to_string(cameras.size()));
   const auto& k = cameras[index].intrinsics;
   if (frame.depth.size() != static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height))
     throw std::runtime_error("a frame of camera '" + cameras[index].name + "' has " + std::to_string(frame.depth.size()) + " pixels, its calibration " +
@@ -56,9 +58,11 @@ const hal::CameraDescription& camera_of(const hal::DepthFrame& frame, const std:
 
 Source open_recording(const std::filesystem::path& path, Pace pace, std::shared_ptr<hal::Clock> clock, TruthSurface surface) {
   std::error_code error;
-  if (!std::filesystem::is_directory(path, error)) throw std::runtime_error("recording " + path.string() + " is not a folder that can be read; name a rosbag2 folder or one with calibration.toml");
+  if (!std::filesystem::is_directory(path, error))
+    throw std::runtime_error("recording " + path.string() + " is not a folder that can be read; name a rosbag2 folder or one with calibration.toml");
   const bool bag = std::filesystem::exists(path / "metadata.yaml", error), folder = std::filesystem::exists(path / "calibration.toml", error);
-  if (!bag && !folder) throw std::runtime_error("recording " + path.string() + " has neither metadata.yaml (rosbag2) nor calibration.toml (folder of depth images)");
+  if (!bag && !folder)
+    throw std::runtime_error("recording " + path.string() + " has neither metadata.yaml (rosbag2) nor calibration.toml (folder of depth images)");
 
   auto cameras = bag ? read_rosbag2(path) : read_folder(path);
   std::optional<hal::UtcTime> zero;

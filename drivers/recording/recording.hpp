@@ -7,8 +7,8 @@
 #include <optional>
 #include <vector>
 
-#include "drivers/truth_body.hpp"
 #include "drivers/source.hpp"
+#include "drivers/truth_body.hpp"
 #include "hal/clock.hpp"
 #include "hal/depth_sink.hpp"
 

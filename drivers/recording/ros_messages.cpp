@@ -16,7 +16,9 @@ constexpr std::size_t kMaxTransforms = 10'000;
 
 class Message {
  public:
-  explicit Message(std::size_t capacity) : bytes_(capacity), buffer_(bytes_.data(), bytes_.size()), cdr_(buffer_, Cdr::LITTLE_ENDIANNESS, Cdr::DDS_CDR) { cdr_.serialize_encapsulation(); }
+  explicit Message(std::size_t capacity) : bytes_(capacity), buffer_(bytes_.data(), bytes_.size()), cdr_(buffer_, Cdr::LITTLE_ENDIANNESS, Cdr::DDS_CDR) {
+    cdr_.serialize_encapsulation();
+  }
   Cdr& cdr() { return cdr_; }
   void header(hal::UtcTime stamp, const std::string& frame_id) {
     const auto ns = stamp.time_since_epoch().count();
@@ -55,8 +57,8 @@ bool rotation(std::array<double, 4> q, std::array<double, 9>& r) {
   if (!(length > 0.5 && length < 2)) return false;
   for (double& x : q) x /= length;
   const auto [x, y, z, w] = q;
-  r = {1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),      //
-       2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),      //
+  r = {1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),  //
+       2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),  //
        2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)};
   return true;
 }
@@ -80,8 +82,8 @@ void image(const hal::CameraDescription& camera, hal::UtcTime stamp, const std::
   const std::size_t size = depth.size() * 2;
   Message m(size + frame_id.size() + 256);
   m.header(stamp, frame_id);
-  m.cdr() << static_cast<std::uint32_t>(k.height) << static_cast<std::uint32_t>(k.width) << std::string("16UC1") << std::uint8_t{0} << static_cast<std::uint32_t>(2 * k.width)
-          << static_cast<std::uint32_t>(size);
+  m.cdr() << static_cast<std::uint32_t>(k.height) << static_cast<std::uint32_t>(k.width) << std::string("16UC1") << std::uint8_t{0}
+          << static_cast<std::uint32_t>(2 * k.width) << static_cast<std::uint32_t>(size);
   m.cdr().serializeArray(reinterpret_cast<const std::uint8_t*>(depth.data()), size);
   m.finish(out);
 }
@@ -90,7 +92,8 @@ void camera_info(const hal::CameraDescription& camera, hal::UtcTime stamp, const
   const auto& k = camera.intrinsics;
   Message m(frame_id.size() + 1024);
   m.header(stamp, frame_id);
-  m.cdr() << static_cast<std::uint32_t>(k.height) << static_cast<std::uint32_t>(k.width) << std::string("plumb_bob") << std::vector<double>(k.distortion.begin(), k.distortion.end());
+  m.cdr() << static_cast<std::uint32_t>(k.height) << static_cast<std::uint32_t>(k.width) << std::string("plumb_bob")
+          << std::vector<double>(k.distortion.begin(), k.distortion.end());
   const std::array<double, 9> matrix{k.fx, 0, k.cx, 0, k.fy, k.cy, 0, 0, 1}, rectification{1, 0, 0, 0, 1, 0, 0, 0, 1};
   const std::array<double, 12> projection{k.fx, 0, k.cx, 0, 0, k.fy, k.cy, 0, 0, 0, 1, 0};
   m.cdr().serializeArray(matrix.data(), matrix.size());

@@ -13,10 +13,12 @@ namespace {
 
 // Latched topics are offered as ROS offers them, so that a player that starts late still gets them.
 constexpr const char* kReliable =
-    "- history: 1\n  depth: 10\n  reliability: 1\n  durability: 2\n  deadline:\n    sec: 9223372036\n    nsec: 854775807\n  lifespan:\n    sec: 9223372036\n    nsec: 854775807\n"
+    "- history: 1\n  depth: 10\n  reliability: 1\n  durability: 2\n  deadline:\n    sec: 9223372036\n    nsec: 854775807\n  lifespan:\n    sec: 9223372036\n   "
+    " nsec: 854775807\n"
     "  liveliness: 1\n  liveliness_lease_duration:\n    sec: 9223372036\n    nsec: 854775807\n  avoid_ros_namespace_conventions: false";
 constexpr const char* kLatched =
-    "- history: 1\n  depth: 1\n  reliability: 1\n  durability: 1\n  deadline:\n    sec: 9223372036\n    nsec: 854775807\n  lifespan:\n    sec: 9223372036\n    nsec: 854775807\n"
+    "- history: 1\n  depth: 1\n  reliability: 1\n  durability: 1\n  deadline:\n    sec: 9223372036\n    nsec: 854775807\n  lifespan:\n    sec: 9223372036\n    "
+    "nsec: 854775807\n"
     "  liveliness: 1\n  liveliness_lease_duration:\n    sec: 9223372036\n    nsec: 854775807\n  avoid_ros_namespace_conventions: false";
 
 /// A ROS name: letters, digits and underscores, no digit first.
@@ -45,13 +47,16 @@ class Rosbag2Writer final : public hal::DepthSink {
         db_(open_database(file_, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE)) {
     for (const auto& c : cameras_)
       if (c.depth_scale != 0.001)
-        throw std::runtime_error("camera '" + c.name + "' counts " + std::to_string(c.depth_scale) + " m, ROS depth images are in millimetres: use the folder layout");
+        throw std::runtime_error("camera '" + c.name + "' counts " + std::to_string(c.depth_scale) +
+                                 " m, ROS depth images are in millimetres: use the folder layout");
     // The staging folder is what makes this atomic; a journal would only cost time.
     execute("PRAGMA journal_mode=OFF");
     execute("PRAGMA synchronous=OFF");
     execute("CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT NOT NULL)");
     execute("CREATE TABLE metadata(id INTEGER PRIMARY KEY, metadata_version INTEGER NOT NULL, metadata TEXT NOT NULL)");
-    execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL)");
+    execute(
+        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT "
+        "NULL)");
     execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB NOT NULL)");
     execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)");
     execute("INSERT INTO schema VALUES (3, 'humble')");
@@ -152,10 +157,11 @@ class Rosbag2Writer final : public hal::DepthSink {
     out << "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n  duration:\n    nanoseconds: " << duration
         << "\n  starting_time:\n    nanoseconds_since_epoch: " << start << "\n  message_count: " << total << "\n  topics_with_message_count:\n";
     for (const Topic& t : topics_)
-      out << "    - topic_metadata:\n        name: " << t.name << "\n        type: " << t.type << "\n        serialization_format: cdr\n        offered_qos_profiles: " << yaml_quoted(t.qos)
-          << "\n      message_count: " << t.messages << "\n";
+      out << "    - topic_metadata:\n        name: " << t.name << "\n        type: " << t.type
+          << "\n        serialization_format: cdr\n        offered_qos_profiles: " << yaml_quoted(t.qos) << "\n      message_count: " << t.messages << "\n";
     out << "  compression_format: \"\"\n  compression_mode: \"\"\n  relative_file_paths:\n    - " << file_name_ << "\n  files:\n    - path: " << file_name_
-        << "\n      starting_time:\n        nanoseconds_since_epoch: " << start << "\n      duration:\n        nanoseconds: " << duration << "\n      message_count: " << total << "\n";
+        << "\n      starting_time:\n        nanoseconds_since_epoch: " << start << "\n      duration:\n        nanoseconds: " << duration
+        << "\n      message_count: " << total << "\n";
     out.close();
     if (!out) throw std::runtime_error("cannot write " + (staging_.folder() / "metadata.yaml").string() + "; check the disk's space");
   }
@@ -181,8 +187,8 @@ class Rosbag2Writer final : public hal::DepthSink {
 
 }  // namespace
 
-std::unique_ptr<hal::DepthSink> write_rosbag2(const std::filesystem::path& path, const std::vector<hal::CameraDescription>& cameras, const std::optional<TruthBody>& body,
-                                              const std::vector<hal::DepthFrame>& background) {
+std::unique_ptr<hal::DepthSink> write_rosbag2(const std::filesystem::path& path, const std::vector<hal::CameraDescription>& cameras,
+                                              const std::optional<TruthBody>& body, const std::vector<hal::DepthFrame>& background) {
   return std::make_unique<Rosbag2Writer>(path, cameras, body, background);
 }
 

@@ -39,12 +39,15 @@ Staging::Staging(std::filesystem::path final_path) : final_path_(std::move(final
     throw std::runtime_error("recording " + final_path_.string() + " exists already; name another one or remove it first");
   std::string pattern = final_path_.string() + ".partial-XXXXXX";
   if (mkdtemp(pattern.data()) == nullptr)
-    throw std::runtime_error("cannot make a recording beside " + final_path_.string() + ": " + std::strerror(errno) + "; check that the folder exists and may be written");
+    throw std::runtime_error("cannot make a recording beside " + final_path_.string() + ": " + std::strerror(errno) +
+                             "; check that the folder exists and may be written");
   folder_ = pattern;
 }
 
 void Staging::publish() {
-  const auto fail = [&](const char* what) { throw std::runtime_error("cannot " + std::string(what) + " " + final_path_.string() + ": " + std::strerror(errno) + "; the data is in " + folder_.string()); };
+  const auto fail = [&](const char* what) {
+    throw std::runtime_error("cannot " + std::string(what) + " " + final_path_.string() + ": " + std::strerror(errno) + "; the data is in " + folder_.string());
+  };
   if (!Folder(folder_).flush_file_system()) fail("flush recording");
   // A folder replaces nothing but an empty folder: a recording that came to lie here meanwhile is safe.
   if (std::rename(folder_.c_str(), final_path_.c_str()) != 0) fail("rename recording to");

@@ -17,8 +17,8 @@ namespace {
 
 // The order of the CMU average skeleton; a test holds it against the fit's table.
 constexpr std::array<std::string_view, hal::kTruthJoints> kJointNames{
-    "root",      "lhip",      "lknee",      "lankle",    "lfoot_end", "ltoe_end", "rhip",   "rknee",  "rankle",    "rfoot_end",  "rtoe_end",  "spine_pivot",
-    "chest_top", "lshoulder", "lelbow",     "lwrist",    "lhand_end", "rshoulder", "relbow", "rwrist", "rhand_end", "neck_pivot", "head_base", "head_top"};
+    "root",      "lhip",      "lknee",  "lankle", "lfoot_end", "ltoe_end",  "rhip",   "rknee",  "rankle",    "rfoot_end",  "rtoe_end",  "spine_pivot",
+    "chest_top", "lshoulder", "lelbow", "lwrist", "lhand_end", "rshoulder", "relbow", "rwrist", "rhand_end", "neck_pivot", "head_base", "head_top"};
 
 constexpr std::size_t kMaxRows = 20'000'000, kMaxVertices = 1'000'000, kMaxFaces = 2'000'000;
 // Between rows further apart than this nothing is known.
@@ -40,7 +40,8 @@ std::vector<std::string_view> split(std::string_view line) {
 
 const std::array<std::string_view, hal::kTruthJoints>& truth_joint_names() { return kJointNames; }
 
-TruthWriter::TruthWriter(const std::filesystem::path& path, std::vector<double> beta) : path_(path), file_(std::fopen(path.c_str(), "we")), beta_(std::move(beta)) {
+TruthWriter::TruthWriter(const std::filesystem::path& path, std::vector<double> beta)
+    : path_(path), file_(std::fopen(path.c_str(), "we")), beta_(std::move(beta)) {
   check(file_ != nullptr);
   std::string header = "timestamp";
   for (int i = 0; i < hal::kTruthDofs; ++i) header += ",q" + std::to_string(i);
@@ -114,7 +115,8 @@ std::vector<TruthRow> read_truth_csv(const std::filesystem::path& path) {
 void write_truth_ply(const std::filesystem::path& path, const TruthBody& body) {
   static_assert(std::endian::native == std::endian::little, "truth.ply is written in the machine's byte order");
   std::ofstream out(path, std::ios::binary);
-  out << "ply\nformat binary_little_endian 1.0\ncomment resting body, CMU axes (y up, z forward, x left), metres\ncomment name " << body.name << "\ncomment sex " << body.sex << "\ncomment beta";
+  out << "ply\nformat binary_little_endian 1.0\ncomment resting body, CMU axes (y up, z forward, x left), metres\ncomment name " << body.name
+      << "\ncomment sex " << body.sex << "\ncomment beta";
   for (const double b : body.beta) out << ' ' << format_number(b);
   out << "\nelement vertex " << body.vertices.size() << "\nproperty float x\nproperty float y\nproperty float z\n";
   for (int i = 0; i < kTruthSkinBones; ++i) out << "property uchar bone" << i << "\n";
@@ -162,10 +164,12 @@ TruthBody read_truth_ply(const std::filesystem::path& path) {
   }
   constexpr std::string_view kLayout =
       "ply\nformat binary_little_endian 1.0\nelement vertex\nproperty float x\nproperty float y\nproperty float z\nproperty uchar bone0\nproperty uchar bone1\n"
-      "property uchar bone2\nproperty uchar bone3\nproperty float weight0\nproperty float weight1\nproperty float weight2\nproperty float weight3\nelement face\n"
+      "property uchar bone2\nproperty uchar bone3\nproperty float weight0\nproperty float weight1\nproperty float weight2\nproperty float weight3\nelement "
+      "face\n"
       "property list uchar int vertex_indices\nelement joint\nproperty double x\nproperty double y\nproperty double z\nelement rest_pose\nproperty double q\n";
   if (!in || layout != kLayout) fail(path, "is not a truth.ply as boothctl simulate writes it; remove it to open the recording without its surface");
-  if (vertices > kMaxVertices || faces > kMaxFaces) fail(path, "says it has " + std::to_string(vertices) + " vertices and " + std::to_string(faces) + " faces, more than allowed");
+  if (vertices > kMaxVertices || faces > kMaxFaces)
+    fail(path, "says it has " + std::to_string(vertices) + " vertices and " + std::to_string(faces) + " faces, more than allowed");
   const auto get = [&](auto& value) {
     if (!in.read(reinterpret_cast<char*>(&value), sizeof value)) fail(path, "ends too early");
   };
@@ -201,7 +205,8 @@ TruthBody read_truth_ply(const std::filesystem::path& path) {
   return body;
 }
 
-RecordedTruth::RecordedTruth(std::vector<TruthRow> rows, std::optional<TruthBody> body, TruthSurface surface, std::shared_ptr<const Timeline> timeline, hal::UtcTime zero)
+RecordedTruth::RecordedTruth(std::vector<TruthRow> rows, std::optional<TruthBody> body, TruthSurface surface, std::shared_ptr<const Timeline> timeline,
+                             hal::UtcTime zero)
     : rows_(std::move(rows)), body_(std::move(body)), surface_(std::move(surface)), timeline_(std::move(timeline)), zero_(zero) {}
 
 std::optional<hal::TruthSample> RecordedTruth::at(hal::MonotonicTime t) const {

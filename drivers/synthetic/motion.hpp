@@ -18,9 +18,9 @@ struct Motion {
 };
 
 struct PlacementOptions {
-  bool keep_path = false;     ///< leave the translation as it is
-  double leg_scale = 1;       ///< the body's leg length over the skeleton's that the motion was made for
-  double stage_radius = 1;    ///< beyond it the horizontal path is folded back, metres
+  bool keep_path = false;   ///< leave the translation as it is
+  double leg_scale = 1;     ///< the body's leg length over the skeleton's that the motion was made for
+  double stage_radius = 1;  ///< beyond it the horizontal path is folded back, metres
 };
 
 /// A body's bones and the points of its soles that can touch the floor.

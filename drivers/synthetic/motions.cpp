@@ -47,8 +47,12 @@ struct ArmAngles {
 constexpr ArmAngles kHanging{-37, -15, 87, 25}, kForward{40, 0, 88, 28}, kRaised{57, 52, -10, 16}, kWaveOut{33, 51, 13, 20}, kWaveIn{27, 42, 5, 98},
     kBehind{-77, -24, 112, 22}, kUpAndForward{92, 21, 60, 28}, kSwungForward{-11, -32, 88, 17}, kSwungBack{-55, -14, 89, 38}, kAside{0, -20, 45, 10};
 
-PoseVector with_left_arm(PoseVector q, const ArmAngles& a) { return with(q, {{"lhumerus_rx", a.rx}, {"lhumerus_ry", a.ry}, {"lhumerus_rz", a.rz}, {"lradius_rx", a.elbow}}); }
-PoseVector with_right_arm(PoseVector q, const ArmAngles& a) { return with(q, {{"rhumerus_rx", a.rx}, {"rhumerus_ry", -a.ry}, {"rhumerus_rz", -a.rz}, {"rradius_rx", a.elbow}}); }
+PoseVector with_left_arm(PoseVector q, const ArmAngles& a) {
+  return with(q, {{"lhumerus_rx", a.rx}, {"lhumerus_ry", a.ry}, {"lhumerus_rz", a.rz}, {"lradius_rx", a.elbow}});
+}
+PoseVector with_right_arm(PoseVector q, const ArmAngles& a) {
+  return with(q, {{"rhumerus_rx", a.rx}, {"rhumerus_ry", -a.ry}, {"rhumerus_rz", -a.rz}, {"rradius_rx", a.elbow}});
+}
 PoseVector with_arms(PoseVector q, const ArmAngles& a) { return with_right_arm(with_left_arm(std::move(q), a), a); }
 ArmAngles mix(const ArmAngles& a, const ArmAngles& b, double t) {
   return {a.rx + t * (b.rx - a.rx), a.ry + t * (b.ry - a.ry), a.rz + t * (b.rz - a.rz), a.elbow + t * (b.elbow - a.elbow)};
@@ -56,13 +60,26 @@ ArmAngles mix(const ArmAngles& a, const ArmAngles& b, double t) {
 
 /// Upright, arms hanging, feet a little apart: where every motion starts and ends.
 PoseVector stand() {
-  return with_arms(with(PoseVector::Zero(), {{"lfemur_rz", -17}, {"rfemur_rz", 17}, {"lfemur_rx", -3}, {"rfemur_rx", -3}, {"ltibia_rx", 6}, {"rtibia_rx", 6}, {"lfoot_rx", -3}, {"rfoot_rx", -3}}),
+  return with_arms(with(PoseVector::Zero(), {{"lfemur_rz", -17},
+                                             {"rfemur_rz", 17},
+                                             {"lfemur_rx", -3},
+                                             {"rfemur_rx", -3},
+                                             {"ltibia_rx", 6},
+                                             {"rtibia_rx", 6},
+                                             {"lfoot_rx", -3},
+                                             {"rfoot_rx", -3}}),
                    kHanging);
 }
 
 /// Bends both legs and keeps the feet flat: the angles of each leg and the pelvis add up to zero.
 PoseVector crouched(PoseVector q, double pelvis, double hip, double knee) {
-  return with(q, {{"root_rx", pelvis}, {"lfemur_rx", -hip}, {"rfemur_rx", -hip}, {"ltibia_rx", knee}, {"rtibia_rx", knee}, {"lfoot_rx", hip - knee - pelvis}, {"rfoot_rx", hip - knee - pelvis}});
+  return with(q, {{"root_rx", pelvis},
+                  {"lfemur_rx", -hip},
+                  {"rfemur_rx", -hip},
+                  {"ltibia_rx", knee},
+                  {"rtibia_rx", knee},
+                  {"lfoot_rx", hip - knee - pelvis},
+                  {"rfoot_rx", hip - knee - pelvis}});
 }
 
 enum class Ease { both, into, out };  // minimum jerk; speeding up to the end; slowing down from the start
@@ -113,15 +130,24 @@ State left_arm(double t) {
 }
 
 State squat(double t) {
-  const PoseVector low = with(with_arms(crouched(stand(), 22, 100, 108), kForward), {{"upperback_rx", 12}, {"neck_rx", -15}, {"lfemur_ry", 10}, {"rfemur_ry", -10}});
+  const PoseVector low =
+      with(with_arms(crouched(stand(), 22, 100, 108), kForward), {{"upperback_rx", 12}, {"neck_rx", -15}, {"lfemur_ry", 10}, {"rfemur_ry", -10}});
   return {between({{0, stand()}, {1.2, low}, {1.7, low}, {2.9, stand()}}, t)};
 }
 
 State kick(double t) {
-  const PoseVector back = with(with_left_arm(with_right_arm(stand(), kSwungForward), kSwungBack),
-                               {{"root_rx", 4}, {"rfemur_rx", 12}, {"rtibia_rx", 65}, {"rfoot_rx", 15}, {"lfemur_rx", -8}, {"ltibia_rx", 12}, {"lfoot_rx", -8}, {"root_rz", 3}});
-  const PoseVector front = with(with_left_arm(with_right_arm(stand(), kSwungBack), mix(kHanging, kForward, 0.6)),
-                                {{"root_rx", -8}, {"rfemur_rx", -72}, {"rtibia_rx", 8}, {"rfoot_rx", 12}, {"lfemur_rx", 0}, {"ltibia_rx", 12}, {"lfoot_rx", -4}, {"upperback_rx", 10}, {"root_rz", 3}});
+  const PoseVector back =
+      with(with_left_arm(with_right_arm(stand(), kSwungForward), kSwungBack),
+           {{"root_rx", 4}, {"rfemur_rx", 12}, {"rtibia_rx", 65}, {"rfoot_rx", 15}, {"lfemur_rx", -8}, {"ltibia_rx", 12}, {"lfoot_rx", -8}, {"root_rz", 3}});
+  const PoseVector front = with(with_left_arm(with_right_arm(stand(), kSwungBack), mix(kHanging, kForward, 0.6)), {{"root_rx", -8},
+                                                                                                                   {"rfemur_rx", -72},
+                                                                                                                   {"rtibia_rx", 8},
+                                                                                                                   {"rfoot_rx", 12},
+                                                                                                                   {"lfemur_rx", 0},
+                                                                                                                   {"ltibia_rx", 12},
+                                                                                                                   {"lfoot_rx", -4},
+                                                                                                                   {"upperback_rx", 10},
+                                                                                                                   {"root_rz", 3}});
   return {between({{0, stand()}, {0.6, back}, {1.05, front}, {1.25, front}, {2.2, stand()}}, t)};
 }
 
@@ -140,8 +166,10 @@ State jump(double t) {
   constexpr double kTakeOff = 1.1, kGravity = 9.81, kSpeed = 1.6, kFlight = 2 * kSpeed / kGravity;
   constexpr double kLanding = kTakeOff + kFlight;
   const PoseVector low = with(with_arms(crouched(stand(), 25, 75, 80), kBehind), {{"upperback_rx", 15}, {"neck_rx", -10}});
-  const PoseVector push = with(with_arms(stand(), mix(kHanging, kUpAndForward, 0.6)), {{"lfoot_rx", 25}, {"rfoot_rx", 25}, {"ltibia_rx", 12}, {"rtibia_rx", 12}});
-  const PoseVector land = with(with_arms(stand(), mix(kHanging, kUpAndForward, 0.45)), {{"lfoot_rx", 12}, {"rfoot_rx", 12}, {"lfemur_rx", -14}, {"rfemur_rx", -14}, {"ltibia_rx", 20}, {"rtibia_rx", 20}});
+  const PoseVector push =
+      with(with_arms(stand(), mix(kHanging, kUpAndForward, 0.6)), {{"lfoot_rx", 25}, {"rfoot_rx", 25}, {"ltibia_rx", 12}, {"rtibia_rx", 12}});
+  const PoseVector land = with(with_arms(stand(), mix(kHanging, kUpAndForward, 0.45)),
+                               {{"lfoot_rx", 12}, {"rfoot_rx", 12}, {"lfemur_rx", -14}, {"rfemur_rx", -14}, {"ltibia_rx", 20}, {"rtibia_rx", 20}});
   const PoseVector soft = with(with_arms(crouched(stand(), 15, 50, 60), mix(kHanging, kForward, 0.4)), {{"upperback_rx", 8}});
   State s{between({{0, stand()}, {0.6, low}, {kTakeOff, push, Ease::into}, {kLanding, land}, {kLanding + 0.35, soft, Ease::out}, {2.6, stand()}}, t)};
   if (t > kTakeOff && t < kLanding) s.lift = (t - kTakeOff) * (kSpeed - 0.5 * kGravity * (t - kTakeOff));
@@ -170,7 +198,7 @@ State walk(double t) {
   constexpr double kSpeed = kPath / (kSeconds - kRamp);
   // Distance under a speed that rises and falls as 3u^2 - 2u^3, whose integral is u^3 - u^4/2.
   const auto ramp = [](double u) { return u * u * u * (1 - 0.5 * u); };
-  const double s = t < kRamp               ? kSpeed * kRamp * ramp(t / kRamp)
+  const double s = t < kRamp              ? kSpeed * kRamp * ramp(t / kRamp)
                    : t < kSeconds - kRamp ? kSpeed * (t - 0.5 * kRamp)
                                           : kPath - kSpeed * kRamp * ramp((kSeconds - t) / kRamp);
   const double strength = ease(t / kRamp) * ease((kSeconds - t) / kRamp);

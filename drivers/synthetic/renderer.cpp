@@ -11,9 +11,9 @@
 namespace booth::drivers {
 namespace {
 
-constexpr float kFar = 1000;      // nothing there
-constexpr float kNear = 0.15f;    // metres; closer triangles are left out
-constexpr float kEdge = 0.06f;    // metres between neighbours that make a depth edge
+constexpr float kFar = 1000;    // nothing there
+constexpr float kNear = 0.15f;  // metres; closer triangles are left out
+constexpr float kEdge = 0.06f;  // metres between neighbours that make a depth edge
 
 std::uint64_t mix(std::uint64_t x) {
   x ^= x >> 30;
@@ -40,8 +40,8 @@ inline float normal_of(std::uint32_t bits) {
   return (static_cast<float>(sum) - 382.5f) * (1.0f / 128);
 }
 
-BOOTH_KERNEL void add_noise(const float* z, const float* sigma, const std::uint8_t* drop, int count, std::uint32_t key_low, std::uint32_t key_high, float range_min,
-                            float range_max, float counts_per_metre, std::uint16_t* out) {
+BOOTH_KERNEL void add_noise(const float* z, const float* sigma, const std::uint8_t* drop, int count, std::uint32_t key_low, std::uint32_t key_high,
+                            float range_min, float range_max, float counts_per_metre, std::uint16_t* out) {
   for (int i = 0; i < count; ++i) {
     const std::uint32_t bits = pixel_bits(static_cast<std::uint32_t>(i), key_low, key_high);
     const float noisy = z[i] + sigma[i] * normal_of(bits);
@@ -125,9 +125,12 @@ void Renderer::reserve(int vertices) {
 
 Renderer::Quality Renderer::quality(float z, float cosine, bool dark) const {
   switch (noise_.kind) {
-    case NoiseModel::Kind::none: return {0, 0};
-    case NoiseModel::Kind::gaussian: return {static_cast<float>(noise_.sigma), 0};
-    case NoiseModel::Kind::kinect2: break;
+    case NoiseModel::Kind::none:
+      return {0, 0};
+    case NoiseModel::Kind::gaussian:
+      return {static_cast<float>(noise_.sigma), 0};
+    case NoiseModel::Kind::kinect2:
+      break;
   }
   const float slant = std::max(cosine, 0.2f);
   float sigma = (0.0015f + 0.00022f * z * z) / slant, drop = 0.004f;
@@ -211,8 +214,10 @@ void Renderer::draw(const fit::Vertices& vertices, const fit::Faces& faces, cons
 }
 
 void Renderer::fill(const Corner& a, const Corner& b, const Corner& c, Quality q) {
-  const int x0 = std::max(0, static_cast<int>(std::ceil(std::min({a.u, b.u, c.u})))), x1 = std::min(width_ - 1, static_cast<int>(std::floor(std::max({a.u, b.u, c.u}))));
-  const int y0 = std::max(0, static_cast<int>(std::ceil(std::min({a.v, b.v, c.v})))), y1 = std::min(height_ - 1, static_cast<int>(std::floor(std::max({a.v, b.v, c.v}))));
+  const int x0 = std::max(0, static_cast<int>(std::ceil(std::min({a.u, b.u, c.u})))),
+            x1 = std::min(width_ - 1, static_cast<int>(std::floor(std::max({a.u, b.u, c.u}))));
+  const int y0 = std::max(0, static_cast<int>(std::ceil(std::min({a.v, b.v, c.v})))),
+            y1 = std::min(height_ - 1, static_cast<int>(std::floor(std::max({a.v, b.v, c.v}))));
   if (x0 > x1 || y0 > y1) return;
   const float area = (b.u - a.u) * (c.v - a.v) - (c.u - a.u) * (b.v - a.v);
   if (std::abs(area) < 1e-9f) return;
@@ -239,8 +244,8 @@ void Renderer::fill(const Corner& a, const Corner& b, const Corner& c, Quality q
 
 void Renderer::finish(std::uint64_t frame, std::uint16_t* out) {
   const std::uint64_t key = mix(mix(mix(seed_ + 0x9e3779b97f4a7c15ull) + static_cast<std::uint64_t>(camera_index_)) + frame);
-  add_noise(z_.data(), sigma_.data(), drop_.data(), width_ * height_, static_cast<std::uint32_t>(key), static_cast<std::uint32_t>(key >> 32), range_min_, range_max_,
-            static_cast<float>(1 / camera_.depth_scale), out);
+  add_noise(z_.data(), sigma_.data(), drop_.data(), width_ * height_, static_cast<std::uint32_t>(key), static_cast<std::uint32_t>(key >> 32), range_min_,
+            range_max_, static_cast<float>(1 / camera_.depth_scale), out);
   if (noise_.kind == NoiseModel::Kind::kinect2) add_edge_effects(mix(key), out);
 }
 
@@ -279,7 +284,8 @@ void Renderer::edge_pixel(int x, int y, std::uint64_t key, std::uint16_t* out) {
   } else {
     return;
   }
-  out[i] = static_cast<std::uint16_t>(seen >= range_min_ && seen <= range_max_ ? static_cast<std::int32_t>(seen / static_cast<float>(camera_.depth_scale) + 0.5f) : 0);
+  out[i] = static_cast<std::uint16_t>(
+      seen >= range_min_ && seen <= range_max_ ? static_cast<std::int32_t>(seen / static_cast<float>(camera_.depth_scale) + 0.5f) : 0);
 }
 
 }  // namespace booth::drivers

@@ -42,16 +42,16 @@ class Renderer {
   const NoiseModel noise_;
   const std::uint64_t seed_;
   const float range_min_, range_max_;
-  Eigen::Matrix3f from_cmu_;      // camera from CMU world
+  Eigen::Matrix3f from_cmu_;  // camera from CMU world
   Eigen::Vector3f origin_shift_;
-  float radius_limit_;            // beyond this |ray|^2 a point cannot be in the picture
-  std::vector<float> room_z_, z_;           // along the optical axis; kFar where nothing is hit
+  float radius_limit_;             // beyond this |ray|^2 a point cannot be in the picture
+  std::vector<float> room_z_, z_;  // along the optical axis; kFar where nothing is hit
   std::vector<float> room_sigma_, sigma_;
   std::vector<std::uint8_t> room_drop_, drop_;
-  std::vector<std::int32_t> room_edges_;    // pixels at depth edges of the empty room
+  std::vector<std::int32_t> room_edges_;  // pixels at depth edges of the empty room
   std::vector<Corner> corner_;
   Eigen::Matrix3Xf in_camera_;
-  int left_, right_, top_, bottom_;         // what draw() touched, inclusive
+  int left_, right_, top_, bottom_;  // what draw() touched, inclusive
 };
 
 }  // namespace booth::drivers

@@ -106,9 +106,12 @@ class SyntheticCamera final : public hal::DepthCamera {
     // The picture is made before it is due, so that rendering adds nothing to the latency.
     if (!rendered_) render();
     switch (timeline.wait(index_, instants_.at(next_), delay_, timeout)) {
-      case Timeline::Wait::stopped: return hal::ReadStatus::ended;
-      case Timeline::Wait::timeout: return hal::ReadStatus::timeout;
-      case Timeline::Wait::due: break;
+      case Timeline::Wait::stopped:
+        return hal::ReadStatus::ended;
+      case Timeline::Wait::timeout:
+        return hal::ReadStatus::timeout;
+      case Timeline::Wait::due:
+        break;
     }
     if (slot.depth.size() != depth_.size()) slot.depth.resize(depth_.size());
     slot.depth.swap(depth_);
@@ -276,7 +279,8 @@ Person make_person(std::string name, std::shared_ptr<const fit::BodyModel> model
 
 std::vector<Box> chair(double x, double y) {
   constexpr double kHalf = 0.22, kSeat = 0.45, kBack = 0.90, kLeg = 0.04;
-  std::vector<Box> boxes{{{x - kHalf, y - kHalf, kSeat - 0.04}, {x + kHalf, y + kHalf, kSeat}}, {{x - kHalf, y - kHalf, kSeat}, {x - kHalf + 0.04, y + kHalf, kBack}}};
+  std::vector<Box> boxes{{{x - kHalf, y - kHalf, kSeat - 0.04}, {x + kHalf, y + kHalf, kSeat}},
+                         {{x - kHalf, y - kHalf, kSeat}, {x - kHalf + 0.04, y + kHalf, kBack}}};
   for (const double sx : {x - kHalf, x + kHalf - kLeg})
     for (const double sy : {y - kHalf, y + kHalf - kLeg}) boxes.push_back({{sx, sy, 0}, {sx + kLeg, sy + kLeg, kSeat - 0.04}});
   return boxes;

@@ -20,10 +20,10 @@ struct Person {
   std::shared_ptr<const fit::BodyModel> model;  ///< topology and skinning
   fit::Vertices rest;                           ///< resting vertices; need not lie in the model's shape space
   fit::Points3 rest_joints;
-  fit::ShapeVector beta;                        ///< empty when the body is not in the shape space
+  fit::ShapeVector beta;  ///< empty when the body is not in the shape space
   Motion motion;
-  Eigen::Vector2d stand_at{0, 0};               ///< where the motion's origin lies, booth frame (x forward, y left), metres
-  double enters = 0;                            ///< seconds of scene time; before it nobody is there
+  Eigen::Vector2d stand_at{0, 0};  ///< where the motion's origin lies, booth frame (x forward, y left), metres
+  double enters = 0;               ///< seconds of scene time; before it nobody is there
   double leaves = std::numeric_limits<double>::infinity();
 };
 
@@ -49,10 +49,10 @@ struct SceneSettings {
   std::vector<hal::CameraDescription> cameras;
   NoiseModel noise;
   std::uint64_t seed = 1;
-  double phase_spread = 1.0 / 30;    ///< seconds; each camera's clock starts at a random offset in [0, phase_spread)
-  double jitter = 0.0002;            ///< standard deviation of a frame's instant, seconds; clipped at three
-  double delivery_delay = 0.015;     ///< from the middle of the exposure to the host having the frame, seconds
-  double room_half_width = 3.0;      ///< walls at x, y = +-this; 0: no walls
+  double phase_spread = 1.0 / 30;  ///< seconds; each camera's clock starts at a random offset in [0, phase_spread)
+  double jitter = 0.0002;          ///< standard deviation of a frame's instant, seconds; clipped at three
+  double delivery_delay = 0.015;   ///< from the middle of the exposure to the host having the frame, seconds
+  double room_half_width = 3.0;    ///< walls at x, y = +-this; 0: no walls
   bool floor = true;
   double range_min = 0.5, range_max = 8.0;  ///< metres along z; outside there is no measurement
   std::vector<Box> obstacles;

@@ -1,8 +1,8 @@
 // Between the simulated person and the plain truth body that a recording stores.
 #pragma once
 
-#include "drivers/truth_body.hpp"
 #include "drivers/synthetic/scene.hpp"
+#include "drivers/truth_body.hpp"
 
 namespace booth::drivers {
 

@@ -10,8 +10,8 @@
 #include "drivers/clock/manual_clock.hpp"
 #include "drivers/clock/system_clock.hpp"
 #include "drivers/synthetic/optics.hpp"
-#include "tests/conformance/sources.hpp"
 #include "tests/conformance/operator_new_count.hpp"
+#include "tests/conformance/sources.hpp"
 
 namespace booth::tests {
 namespace {
@@ -30,7 +30,9 @@ class FrozenClock final : public hal::Clock {
 
 class DepthCamera : public testing::TestWithParam<Kind> {
  protected:
-  drivers::Source open(Pace pace, std::shared_ptr<hal::Clock> clock, std::uint64_t seed = 7) { return open_scene(scratch_, GetParam(), pace, std::move(clock), seed); }
+  drivers::Source open(Pace pace, std::shared_ptr<hal::Clock> clock, std::uint64_t seed = 7) {
+    return open_scene(scratch_, GetParam(), pace, std::move(clock), seed);
+  }
   drivers::Source open_fast(std::uint64_t seed = 7) { return open(Pace::fast, std::make_shared<drivers::ManualClock>(), seed); }
   drivers::Source open_live() { return open(Pace::own, std::make_shared<drivers::SystemClock>()); }
   const ScratchFolder scratch_;
@@ -46,7 +48,9 @@ Eigen::Vector3d world_point(const hal::CameraDescription& c, int u, int v, std::
 /// Pixels that are clearly nearer than the empty room, with no lone ones.
 template <typename Use>
 void for_each_person_pixel(const hal::DepthFrame& frame, const hal::DepthFrame& background, int width, int height, Use use) {
-  const auto nearer = [&](int i) { return frame.depth[static_cast<std::size_t>(i)] > 0 && frame.depth[static_cast<std::size_t>(i)] + 300 < background.depth[static_cast<std::size_t>(i)]; };
+  const auto nearer = [&](int i) {
+    return frame.depth[static_cast<std::size_t>(i)] > 0 && frame.depth[static_cast<std::size_t>(i)] + 300 < background.depth[static_cast<std::size_t>(i)];
+  };
   for (int v = 1; v + 1 < height; ++v)
     for (int u = 1; u + 1 < width; ++u) {
       const int i = v * width + u;
@@ -73,7 +77,8 @@ TEST_P(DepthCamera, DescribesItself) {
   }
   const auto expected = scene_settings(7).cameras;
   for (std::size_t i = 0; i < 2; ++i)
-    for (std::size_t k = 0; k < 9; ++k) EXPECT_NEAR(source.cameras[i]->description().camera_to_world.rotation[k], expected[i].camera_to_world.rotation[k], 1e-9);
+    for (std::size_t k = 0; k < 9; ++k)
+      EXPECT_NEAR(source.cameras[i]->description().camera_to_world.rotation[k], expected[i].camera_to_world.rotation[k], 1e-9);
 }
 
 TEST_P(DepthCamera, GivesEveryFrameInOrderAtTheNominalRate) {
@@ -112,13 +117,14 @@ TEST_P(DepthCamera, KeepsItsOwnPace) {
   hal::DepthFrame frame;
   ASSERT_EQ(camera.read(frame, 2s), ReadStatus::frame);
   const auto first = frame.captured;
-  EXPECT_EQ(camera.read(frame, 1ms), ReadStatus::timeout);
+  int timeouts = 0;
   ReadStatus status = ReadStatus::timeout;
   while (hal::seconds(frame.captured - first) < 0.3 && status != ReadStatus::ended) {
-    status = camera.read(frame, 2s);
+    status = camera.read(frame, 1ms);
+    timeouts += status == ReadStatus::timeout;
     EXPECT_LE(frame.captured, drivers::SystemClock().now()) << "a frame was handed out before it was taken";
   }
-  EXPECT_NE(status, ReadStatus::ended);
+  EXPECT_GT(timeouts, 5) << "between two frames there is nothing to read";
 }
 
 TEST_P(DepthCamera, CountsWhatALateReaderMisses) {
@@ -251,9 +257,9 @@ TEST_P(DepthCamera, AgreesWithTheTruth) {
   for (int i = 0; i < 3; ++i) ASSERT_EQ(source.cameras[kCorner]->read(frame, 1s), ReadStatus::frame);
   const auto truth = source.truth->at(frame.captured);
   ASSERT_TRUE(truth.has_value());
-  EXPECT_GT(truth->joints[15][1], 0.1);   // left wrist: to the left ...
-  EXPECT_GT(truth->joints[15][2], 1.7);   // ... and up
-  EXPECT_LT(truth->joints[19][2], 1.0);   // the right one hangs
+  EXPECT_GT(truth->joints[15][1], 0.1);  // left wrist: to the left ...
+  EXPECT_GT(truth->joints[15][2], 1.7);  // ... and up
+  EXPECT_LT(truth->joints[19][2], 1.0);  // the right one hangs
   EXPECT_FALSE(source.truth->at(frame.captured + 10min).has_value());
 
   const auto surface = source.truth->surface(frame.captured);
@@ -273,7 +279,8 @@ TEST_P(DepthCamera, AgreesWithTheTruth) {
   EXPECT_LT(sum / count, 0.035);
 }
 
-INSTANTIATE_TEST_SUITE_P(Sources, DepthCamera, testing::Values(Kind::synthetic, Kind::folder, Kind::rosbag2), [](const auto& kind) { return std::string(name_of(kind.param)); });
+INSTANTIATE_TEST_SUITE_P(Sources, DepthCamera, testing::Values(Kind::synthetic, Kind::folder, Kind::rosbag2),
+                         [](const auto& kind) { return std::string(name_of(kind.param)); });
 
 /// A recording loses nothing of what it recorded.
 class Recording : public testing::TestWithParam<Kind> {};

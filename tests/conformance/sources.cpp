@@ -57,7 +57,8 @@ std::filesystem::path record_scene(const ScratchFolder& scratch, Kind kind, std:
   auto settings = scene_settings(seed);
   settings.pace = drivers::Pace::fast;
   const auto source = drivers::make_scene(settings, {person}, std::make_shared<drivers::ManualClock>());
-  const auto sink = drivers::create_recording(path, kind == Kind::folder ? drivers::Layout::folder : drivers::Layout::rosbag2, settings.cameras, drivers::truth_body(person), source.background);
+  const auto sink = drivers::create_recording(path, kind == Kind::folder ? drivers::Layout::folder : drivers::Layout::rosbag2, settings.cameras,
+                                              drivers::truth_body(person), source.background);
   for (const auto& camera : source.cameras) camera->start();
   hal::DepthFrame frame;
   const hal::UtcTime base(std::chrono::seconds(1'767'225'600));

@@ -15,7 +15,7 @@ namespace booth::tests {
 enum class Kind { synthetic, folder, rosbag2 };
 const char* name_of(Kind kind);
 
-inline constexpr int kSceneFrames = 24;     ///< frames of each camera
+inline constexpr int kSceneFrames = 36;        ///< frames of each camera
 inline constexpr int kCorner = 0, kFront = 1;  ///< the scene's two cameras: a corner of the ring, and one straight in front
 
 /// A man of capsules who stands in the middle, faces +x and holds up his left arm; Kinect v2 noise.

@@ -78,10 +78,12 @@ TEST_F(HostileFolder, NamesFileLineAndRemedyOfWhatIsWrong) {
     const char *what, *with, *expected;
   };
   const std::string good = contents_of(calibration_);
-  for (const Case& c : {Case{"fx = 365.5", "fx = nan", "fx"}, Case{"fx = 365.5", "fx = -1.0", "fx"}, Case{"fx = 365.5", "fx = \"wide\"", "line"}, Case{"width = 512", "width = 99999999", "width"},
-                        Case{"width = 512", "width = 4", "pixels"}, Case{"camera_to_world = [", "camera_to_world = [[1.0],", "camera_to_world"}, Case{"folder = \"camera-0\"", "folder = \"../..\"", "leads out"},
-                        Case{"depth_scale = 0.001", "depth_scale = 0.0", "depth_scale"}, Case{"[[camera]]", "[[camera", "line"}, Case{"\"background_0.png\"", "12345", "12345"},
-                        Case{"\"background_0.png\"", "\"../../x.png\"", "background"}}) {
+  for (const Case& c :
+       {Case{"fx = 365.5", "fx = nan", "fx"}, Case{"fx = 365.5", "fx = -1.0", "fx"}, Case{"fx = 365.5", "fx = \"wide\"", "line"},
+        Case{"width = 512", "width = 99999999", "width"}, Case{"width = 512", "width = 4", "pixels"},
+        Case{"camera_to_world = [", "camera_to_world = [[1.0],", "camera_to_world"}, Case{"folder = \"camera-0\"", "folder = \"../..\"", "leads out"},
+        Case{"depth_scale = 0.001", "depth_scale = 0.0", "depth_scale"}, Case{"[[camera]]", "[[camera", "line"}, Case{"\"background_0.png\"", "12345", "12345"},
+        Case{"\"background_0.png\"", "\"../../x.png\"", "background"}}) {
     put(calibration_, good);
     replace(calibration_, c.what, c.with);
     const std::string said = complaint(path_);
@@ -99,10 +101,10 @@ TEST_F(HostileFolder, RefusesAMirroredCamera) {
 TEST_F(HostileFolder, RefusesAnIndexThatLiesAboutTimeOrPlace) {
   const fs::path index = path_ / "camera-0" / "depth.txt";
   for (const auto& [line, expected] : std::vector<std::pair<std::string, std::string>>{{"1.0 a.png\n0.5 b.png\n", "line 2"},
-                                                                                        {"nan a.png\n", "line 1"},
-                                                                                        {"1.0 /etc/passwd\n", "leads out"},
-                                                                                        {"1.0 ../../secret.png\n", "leads out"},
-                                                                                        {"1.0\n", "line 1"}}) {
+                                                                                       {"nan a.png\n", "line 1"},
+                                                                                       {"1.0 /etc/passwd\n", "leads out"},
+                                                                                       {"1.0 ../../secret.png\n", "leads out"},
+                                                                                       {"1.0\n", "line 1"}}) {
     put(index, line);
     EXPECT_NE(complaint(path_).find(expected), std::string::npos) << line << " -> " << complaint(path_);
   }
@@ -144,7 +146,8 @@ TEST_F(HostileBag, CountsImagesThatAreCutOrLieAboutTheirSize) {
       "UPDATE messages SET data = substr(data, 1, 5000) WHERE id IN (SELECT id FROM messages WHERE topic_id = 1 ORDER BY id LIMIT 1 OFFSET 2);"
       "UPDATE messages SET data = x'' WHERE id IN (SELECT id FROM messages WHERE topic_id = 1 ORDER BY id LIMIT 1 OFFSET 4);"
       // A text of four thousand million characters where the frame's name should be.
-      "UPDATE messages SET data = substr(data, 1, 12) || x'ffffffff' || substr(data, 17) WHERE id IN (SELECT id FROM messages WHERE topic_id = 1 ORDER BY id LIMIT 1 OFFSET 6);");
+      "UPDATE messages SET data = substr(data, 1, 12) || x'ffffffff' || substr(data, 17) WHERE id IN (SELECT id FROM messages WHERE topic_id = 1 ORDER BY id "
+      "LIMIT 1 OFFSET 6);");
   const auto c = play(path_);
   EXPECT_EQ(c.corrupt, 3u);
   EXPECT_EQ(c.delivered, static_cast<std::uint64_t>(kSceneFrames - 3));
@@ -209,7 +212,8 @@ TEST(Recording, HasNoNameUntilItIsClosed) {
 }
 
 TEST(TruthFile, NamesTheJointsAsTheFitDoes) {
-  for (int j = 0; j < fit::kJoints; ++j) EXPECT_EQ(drivers::truth_joint_names()[static_cast<std::size_t>(j)], fit::bones()[static_cast<std::size_t>(j)].end_joint);
+  for (int j = 0; j < fit::kJoints; ++j)
+    EXPECT_EQ(drivers::truth_joint_names()[static_cast<std::size_t>(j)], fit::bones()[static_cast<std::size_t>(j)].end_joint);
 }
 
 TEST(CdrReader, NeverReadsBeyondTheMessage) {

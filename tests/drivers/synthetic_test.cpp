@@ -170,7 +170,8 @@ TEST(SyntheticCamera, AGrazingFloorBesideThePersonIsNoEdge) {
   for (int v = 1; v < 423; ++v)
     for (int u = 200; u < 310; ++u) {
       const auto i = static_cast<std::size_t>(v * 512 + u);
-      const int step = std::abs(clean.depth[i - 512] - clean.depth[i]), sideways = std::abs(clean.depth[i + 1] - clean.depth[i]) + std::abs(clean.depth[i - 1] - clean.depth[i]);
+      const int step = std::abs(clean.depth[i - 512] - clean.depth[i]),
+                sideways = std::abs(clean.depth[i + 1] - clean.depth[i]) + std::abs(clean.depth[i - 1] - clean.depth[i]);
       if (step < 25 || step > 100 || sideways > 30 || clean.depth[i] < 4500) continue;
       ++looked;
       lost += noisy.depth[i] == 0;

@@ -23,7 +23,7 @@ struct Skin {
 
 struct Ring {
   Vector3d centre;
-  double ru, rw;   // radii along the tube's two transverse axes
+  double ru, rw;  // radii along the tube's two transverse axes
   Skin skin;
   int joint = -1;  // the joint that this ring's mean is
 };
@@ -167,7 +167,8 @@ Mesh build(const Coefficients& p) {
       {mix(head_base, head_top, 0.45), 0.098 * head_size, 0.077 * head_size, rigid(head)},
       {mix(head_base, head_top, 0.85), 0.062 * head_size, 0.052 * head_size, rigid(head)},
   };
-  add_tube(mesh, skull, {mix(neck_pivot, head_base, -0.5), rigid(back)}, {head_top, rigid(head), joint("head_top")}, Vector3d::UnitZ(), Vector3d::UnitX(), true);
+  add_tube(mesh, skull, {mix(neck_pivot, head_base, -0.5), rigid(back)}, {head_top, rigid(head), joint("head_top")}, Vector3d::UnitZ(), Vector3d::UnitX(),
+           true);
 
   // The left limbs; the right ones are their mirror image.
   const int first_vertex = static_cast<int>(mesh.vertices.size()), first_face = static_cast<int>(mesh.faces.size());
@@ -193,7 +194,8 @@ Mesh build(const Coefficients& p) {
       {foot_end, 0.045 * foot_size, 0.024 * foot_size, shared(foot, toes, 0.5f), joint("lfoot_end")},
       {mix(foot_end, toe_end, 0.7), 0.032 * foot_size, 0.016 * foot_size, rigid(toes)},
   };
-  add_tube(mesh, sole, {ankle + foot_size * Vector3d(0, -0.035, -0.060), rigid(foot)}, {toe_end, rigid(toes), joint("ltoe_end")}, Vector3d::UnitX(), Vector3d::UnitY(), false);
+  add_tube(mesh, sole, {ankle + foot_size * Vector3d(0, -0.035, -0.060), rigid(foot)}, {toe_end, rigid(toes), joint("ltoe_end")}, Vector3d::UnitX(),
+           Vector3d::UnitY(), false);
 
   const int clavicle = bone("lclavicle"), upper = bone("lhumerus"), fore = bone("lradius"), hand = bone("lhand");
   const Vector3d shoulder = at("lshoulder"), elbow = at("lelbow"), wrist = at("lwrist"), hand_end = at("lhand_end");
