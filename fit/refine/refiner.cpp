@@ -304,6 +304,7 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
     hessian_ = data_information_;
     gradient_ = sum.equations.gradient();
     double energy = sum.energy;
+    report.evidence = sum.energy;
     add_priors(problem, pose, shape, hessian_, gradient_, energy);
     report.data = sum.data / std::max(sum.data_count, 1.0);
     report.free_space = sum.violations / std::max(sum.tested, 1.0);

@@ -54,6 +54,7 @@ struct RefineSchedule {
 
 struct RefineReport {
   double energy = 0;                 ///< at the solution, last stage's robust scale, without the priors' constant parts
+  double evidence = 0;               ///< the part of the energy that is not priors: cloud, images, floor
   double data = 0;                   ///< robust mean of the cloud's squared distance / robust^2: 0 = all explained, 1 = nothing
   double free_space = 0;             ///< fraction of the tested model samples that stand in free space
   int iterations = 0;

@@ -12,6 +12,10 @@ constexpr int kShapeCount = 24;        // coefficients that preset booth follows
 constexpr int kBatch = 14;             // candidates that get a first refinement together
 constexpr int kBatches = 3;            // of them at most: the next is tried only when the best so far does not convince
 constexpr double kConvincingData = 0.07, kConvincingFreeSpace = 0.03;
+constexpr double kLimbGain = 0.98;     // share of the evidence's energy that a replaced limb may leave
+constexpr double kFreshGain = 0.8;     // and a fresh start
+constexpr double kPatience = 0.5;      // seconds of doubt before a fresh start is tried, and between two of them
+constexpr double kLearnableData = 0.3; // the shape is not learnt from frames that are explained worse
 constexpr int kFewestPoints = 200;     // fewer are no person
 constexpr double kLostData = 0.55;     // robust residual above which the model does not explain the cloud
 constexpr double kLostFreeSpace = 0.45;
@@ -30,6 +34,7 @@ BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerP
       fine_(model, prior, {.shape_count = kShapeCount, .vertices = model.vertex_count(), .model_samples = 700}, pool) {
   coarse_schedule_ = {.cloud_samples = 500, .model_samples = 200, .shape = false, .stages = {{8, 0.15f, 0.35f}}};
   middle_schedule_ = {.cloud_samples = 800, .model_samples = 300, .shape = true, .stages = {{12, 0.08f, 0.20f}}};
+  limb_schedule_ = {.cloud_samples = 600, .model_samples = 200, .shape = false, .stages = {{4, 0.10f, 0.25f}, {3, 0.04f, 0.12f}}};
   start_schedule_ = {.cloud_samples = 2000, .model_samples = 700, .shape = true, .stages = {{10, 0.05f, 0.15f}, {10, 0.025f, 0.10f}}};
   first_track_schedule_ = {.cloud_samples = 1500, .model_samples = 500, .shape = true, .stages = {{3, 0.05f, 0.15f}, {5, 0.025f, 0.10f}}};
   track_schedule_ = first_track_schedule_;
@@ -61,6 +66,8 @@ void BoothFitter::lose() {
   velocity_.setZero();
   tracked_frames_ = 0;
 }
+
+bool BoothFitter::convincing(const RefineReport& report) { return report.data < kConvincingData && report.free_space < kConvincingFreeSpace; }
 
 bool BoothFitter::accepted(const RefineReport& report, const Observation& observation) const {
   return observation.cloud.size >= kFewestPoints && report.data < kLostData && report.free_space < kLostFreeSpace;
@@ -106,7 +113,7 @@ Solution BoothFitter::start(const Observation& observation) {
     iterations += s.iterations;
     last_is_best = first == 0 || s.report.energy < best.report.energy;
     if (last_is_best) best = s, best_finalists = finalists_, best_count = finalist_count_;
-    if (best.report.data < kConvincingData && best.report.free_space < kConvincingFreeSpace) break;
+    if (convincing(best.report)) break;
   }
   finalists_ = best_finalists;
   finalist_count_ = best_count;
@@ -140,12 +147,13 @@ Solution BoothFitter::start_from(const Observation& observation, std::span<const
 void BoothFitter::adopt(const Observation& observation, const Solution& solution) {
   q_ = solution.q;
   velocity_.setZero();
-  time_ = observation.time;
+  time_ = doubtful_since_ = observation.time;
   tracked_frames_ = 0;
   learn_shape(solution);
 }
 
 void BoothFitter::learn_shape(const Solution& solution) {
+  if (solution.report.data > kLearnableData) return;
   beta_ = solution.beta;
   belief_.mean = solution.beta;
   const int n = fine_.shape_count();
@@ -165,6 +173,54 @@ void BoothFitter::learn_shape(const Solution& solution) {
   learnt.diagonal().array() += 1;
   belief_.information = 0.5 * (learnt + learnt.transpose());
   ++shape_frames_;
+}
+
+void BoothFitter::find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity, Solution& solution) {
+  std::array<PoseVector, StartSearch::kLimbs * StartSearch::kPerLimb> poses;
+  const int count = search_.propose_limbs(observation, solution.beta, solution.q, poses);
+  if (count == 0) return;
+  // Each against the pose as it is, on equal terms: a short coarse refinement of both.
+  limb_schedule_.model_to_cloud = observation.views.empty();
+  const auto try_out = [&](PoseVector q) {
+    ShapeVector beta = solution.beta.head(coarse_.shape_count());
+    const RefineReport report = coarse_.refine(observation, weights_, limb_schedule_, {}, no_belief_, nullptr, q, beta);
+    return std::pair{report.evidence, q};
+  };
+  auto [best, best_q] = try_out(solution.q);
+  const double as_it_is = best;
+  for (const PoseVector& pose : std::span(poses).first(static_cast<std::size_t>(count))) {
+    const auto [evidence, q] = try_out(pose);
+    if (evidence < best) best = evidence, best_q = q;
+  }
+  if (best > kLimbGain * as_it_is) return;
+  Solution other = solution;
+  other.q = best_q;
+  refine_fine(observation, schedule, {best_q, PoseVector::Zero()}, velocity, other);
+  if (other.report.evidence < kLimbGain * solution.report.evidence) {
+    solution = other;
+  } else {
+    refine_fine(observation, schedule, belief, velocity, solution);  // the refiner has to stand at the solution again
+  }
+}
+
+bool BoothFitter::start_afresh(const Observation& observation, Solution& solution) {
+  // The body may be what is wrong: try without what was learnt.
+  const ShapeBelief kept_belief = belief_;
+  const ShapeVector kept_shape = beta_;
+  const PoseVector kept_velocity = velocity_;
+  const int kept_frames = shape_frames_, kept_tracked = tracked_frames_;
+  reset();
+  const Solution fresh = start(observation);
+  if (fresh.found && fresh.report.evidence < kFreshGain * solution.report.evidence) {
+    solution = fresh;
+    adopt(observation, fresh);
+    return true;
+  }
+  belief_ = kept_belief;
+  beta_ = kept_shape;
+  velocity_ = kept_velocity;
+  shape_frames_ = kept_frames, tracked_frames_ = kept_tracked;
+  return false;
 }
 
 Solution BoothFitter::track(const Observation& observation) {
@@ -192,11 +248,23 @@ Solution BoothFitter::track(const Observation& observation) {
   const bool learn = !shape_settled() || tracked_frames_ % 10 == 0;
   RefineSchedule& schedule = learn ? first_track_schedule_ : track_schedule_;
   schedule.model_to_cloud = observation.views.empty();
-  refine_fine(observation, schedule, belief, moving ? &vertex_velocity_ : nullptr, s);
+  const Vertices* velocity = moving ? &vertex_velocity_ : nullptr;
+  refine_fine(observation, schedule, belief, velocity, s);
+  if (convincing(s.report)) {
+    doubtful_since_ = observation.time;
+  } else {
+    find_lost_limbs(observation, schedule, belief, velocity, s);
+    if (observation.time - doubtful_since_ > kPatience) {
+      doubtful_since_ = observation.time;
+      if (start_afresh(observation, s)) return s;
+      refine_fine(observation, schedule, belief, velocity, s);  // the refiner has to stand at the solution again
+    }
+  }
   if (!s.found) return s;
 
   const PoseVector speed = (s.q - q_) / dt;
   velocity_ = tracked_frames_ == 0 ? PoseVector(0.5 * speed) : PoseVector(kVelocityMemory * velocity_ + (1 - kVelocityMemory) * speed);
+  velocity_ = velocity_.cwiseMax(-prior_.speed_limit).cwiseMin(prior_.speed_limit);  // a limb that was found again did not fly there
   q_ = s.q;
   time_ = observation.time;
   ++tracked_frames_;

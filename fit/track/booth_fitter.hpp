@@ -36,7 +36,8 @@ class BoothFitter {
   std::span<const PoseVector> finalists() const { return {finalists_.data(), static_cast<std::size_t>(finalist_count_)}; }
   /// Takes a solution as the person's state at the observation's time.
   void adopt(const Observation& observation, const Solution& solution);
-  /// The next frame from the remembered state. Remembers the result if it was found.
+  /// The next frame from the remembered state. Remembers the result if it was found. A limb that was lost is looked for; a body that goes on
+  /// failing to explain the cloud is given up for a fresh start.
   Solution track(const Observation& observation);
 
   /// Refiner that made the last solution: its poser stands at it.
@@ -50,6 +51,9 @@ class BoothFitter {
  private:
   static constexpr int kSettledFrames = 20;
   void prepare_schedules(const Observation& observation);
+  static bool convincing(const RefineReport& report);
+  void find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity, Solution& solution);
+  bool start_afresh(const Observation& observation, Solution& solution);
   bool accepted(const RefineReport& report, const Observation& observation) const;
   void learn_shape(const Solution& solution);
   void refine_fine(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity, Solution& solution);
@@ -59,7 +63,7 @@ class BoothFitter {
   RefineWeights weights_;
   StartSearch search_;
   Refiner coarse_, fine_;
-  RefineSchedule coarse_schedule_, middle_schedule_, start_schedule_, first_track_schedule_, track_schedule_;
+  RefineSchedule coarse_schedule_, limb_schedule_, middle_schedule_, start_schedule_, first_track_schedule_, track_schedule_;
 
   // What is remembered of the person.
   PoseVector q_ = PoseVector::Zero(), velocity_ = PoseVector::Zero();
@@ -67,6 +71,7 @@ class BoothFitter {
   ShapeBelief belief_, no_belief_;
   double time_ = 0;
   int shape_frames_ = 0, tracked_frames_ = 0;
+  double doubtful_since_ = 0;  ///< time of the last convincing frame, or of the last fresh start that did not help
   Vertices vertex_velocity_;
   std::vector<StartCandidate> candidates_;
   std::vector<Solution> solutions_;
