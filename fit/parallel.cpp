@@ -90,7 +90,8 @@ void WorkerPool::run(int tasks, FunctionRef<void(int)> body) {
   while (take_one()) {
   }
   if (spin_until([&] { return done_.load(std::memory_order_acquire) == tasks; })) return;
-  for (int done = done_.load(std::memory_order_acquire); done != tasks; done = done_.load(std::memory_order_acquire)) done_.wait(done, std::memory_order_acquire);
+  for (int done = done_.load(std::memory_order_acquire); done != tasks; done = done_.load(std::memory_order_acquire))
+    done_.wait(done, std::memory_order_acquire);
 }
 
 }  // namespace booth::fit

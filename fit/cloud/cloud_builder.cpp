@@ -65,12 +65,12 @@ struct CameraWork {
 
   PixelRays rays;
   float gate_slope;
-  int stride;                    // of `inverse`
+  int stride;  // of `inverse`
   // The pixels that see the stage, each band of rows from its own first pixel's place on.
   std::vector<std::int32_t> pixel, voxel;
   std::vector<Fate> fate;
-  std::vector<float> x, y, z;    // CMU frame
-  std::vector<float> inverse;    // 1 / depth of those of them that are still in the running, padded with zeros; zero elsewhere
+  std::vector<float> x, y, z;  // CMU frame
+  std::vector<float> inverse;  // 1 / depth of those of them that are still in the running, padded with zeros; zero elsewhere
   const std::uint16_t* depth = nullptr;
   View* view = nullptr;
 };
@@ -81,7 +81,7 @@ struct Band {
   int first, count;              // its pixels in CameraWork
   int floor_first, floor_count;  // its samples of the floor
   int raw, floor, isolated, flying, other, person;
-  int cloud_first;               // number of its first person pixel among all
+  int cloud_first;  // number of its first person pixel among all
 };
 
 /// The floor in a camera's own terms.
@@ -104,8 +104,8 @@ struct RowCount {
 /// base + depth * (slope0 + slope_x x + slope_y y).
 BOOTH_KERNEL RowCount convert_row(const CameraRow& in, const FloorOfCamera& floor, float margin, int n, float* __restrict depth, PixelLabel* __restrict label,
                                   std::uint8_t* __restrict standing) {
-  const std::uint16_t *__restrict raw = in.raw, *__restrict near = in.near, *__restrict far = in.far;
-  const float *__restrict x = in.x, *__restrict y = in.y;
+  const std::uint16_t* __restrict raw = in.raw, * __restrict near = in.near, * __restrict far = in.far;
+  const float* __restrict x = in.x, * __restrict y = in.y;
   const std::uint16_t min_count = in.min_count, max_count = in.max_count;
   const float scale = in.scale, base = floor.base - margin, slope0 = floor.slope0, slope_x = floor.slope_x, slope_y = floor.slope_y;
   int measured = 0, on_floor = 0;
@@ -130,20 +130,25 @@ BOOTH_KERNEL RowCount convert_row(const CameraRow& in, const FloorOfCamera& floo
 
 const char* describe(CloudOutcome outcome) {
   switch (outcome) {
-    case CloudOutcome::person: return "a person";
-    case CloudOutcome::no_frame: return "no camera gave an image";
-    case CloudOutcome::no_measurement: return "all points invalid";
-    case CloudOutcome::empty_stage: return "the stage is empty";
-    case CloudOutcome::nobody: return "nothing on the stage has the size of a person";
-    case CloudOutcome::unprepared: return "the observation belongs to other cameras";
+    case CloudOutcome::person:
+      return "a person";
+    case CloudOutcome::no_frame:
+      return "no camera gave an image";
+    case CloudOutcome::no_measurement:
+      return "all points invalid";
+    case CloudOutcome::empty_stage:
+      return "the stage is empty";
+    case CloudOutcome::nobody:
+      return "nothing on the stage has the size of a person";
+    case CloudOutcome::unprepared:
+      return "the observation belongs to other cameras";
   }
   return "unknown";
 }
 
 struct CloudBuilder::Impl {
   Impl(const CloudSettings& s, std::vector<Camera> c) : settings(checked(s)), cameras(std::move(c)), components(settings), pool(settings.threads) {
-    if (cameras.empty() || cameras.size() > 16)
-      throw std::invalid_argument("cloud: " + std::to_string(cameras.size()) + " cameras; 1 to 16 are possible");
+    if (cameras.empty() || cameras.size() > 16) throw std::invalid_argument("cloud: " + std::to_string(cameras.size()) + " cameras; 1 to 16 are possible");
     std::size_t floor_samples = 0;
     work.reserve(cameras.size());
     for (std::size_t i = 0; i < cameras.size(); ++i) {
@@ -159,7 +164,8 @@ struct CloudBuilder::Impl {
         band.row_begin = row, band.row_end = std::min(row + kBandRows, camera.height);
         band.first = row * camera.width;
         band.floor_first = static_cast<int>(floor_samples);
-        floor_samples += static_cast<std::size_t>((band.row_end - row + kFloorStep - 1) / kFloorStep) * static_cast<std::size_t>((camera.width + kFloorStep - 1) / kFloorStep);
+        floor_samples += static_cast<std::size_t>((band.row_end - row + kFloorStep - 1) / kFloorStep) *
+                         static_cast<std::size_t>((camera.width + kFloorStep - 1) / kFloorStep);
         bands.push_back(band);
       }
     }
@@ -268,11 +274,13 @@ void CloudBuilder::Impl::project(Band& band, CameraWork& w) {
   }
   band.raw = band.floor = band.count = 0;
   const Eigen::Vector3f up(-floor.slope_x, 1, -floor.slope_z), slope = rays.to_world.transpose() * up;
-  const FloorOfCamera plane{floor.above(rays.centre.x() - settings.stage_x, rays.centre.y(), rays.centre.z() - settings.stage_z), slope.z(), slope.x(), slope.y()};
+  const FloorOfCamera plane{floor.above(rays.centre.x() - settings.stage_x, rays.centre.y(), rays.centre.z() - settings.stage_z), slope.z(), slope.x(),
+                            slope.y()};
   std::uint8_t standing[kMaxImageWidth + 8];
   for (int v = band.row_begin; v < band.row_end; ++v) {
     const auto row = static_cast<std::size_t>(v) * static_cast<std::size_t>(width);
-    const CameraRow in{w.depth + row, rays.near.data() + row, rays.far.data() + row, rays.x.data() + row, rays.y.data() + row, rays.min_count, rays.max_count, rays.scale};
+    const CameraRow in{w.depth + row,       rays.near.data() + row, rays.far.data() + row, rays.x.data() + row,
+                       rays.y.data() + row, rays.min_count,         rays.max_count,        rays.scale};
     float* depth = w.view->depth.data() + row;
     const RowCount count = convert_row(in, plane, floor_margin, width, depth, w.view->label.data() + row, standing);
     band.raw += count.measured;
@@ -333,9 +341,15 @@ void CloudBuilder::Impl::decide(Band& band, CameraWork& w) {
   for (auto k = static_cast<std::size_t>(band.first); k < static_cast<std::size_t>(band.first + band.count); ++k) {
     if (w.fate[k] == Fate::candidate) {
       switch (components.verdict(w.voxel[k])) {
-        case VoxelVerdict::person: w.fate[k] = Fate::person; break;
-        case VoxelVerdict::other: w.fate[k] = Fate::other; break;
-        case VoxelVerdict::speck: w.fate[k] = Fate::isolated; break;
+        case VoxelVerdict::person:
+          w.fate[k] = Fate::person;
+          break;
+        case VoxelVerdict::other:
+          w.fate[k] = Fate::other;
+          break;
+        case VoxelVerdict::speck:
+          w.fate[k] = Fate::isolated;
+          break;
       }
       band.isolated += w.fate[k] == Fate::isolated;
     }
@@ -397,7 +411,8 @@ void CloudBuilder::Impl::emit(const Band& band, CameraWork& w, Cloud& cloud, int
 float CloudBuilder::Impl::floor_under(const Cloud& cloud) const {
   double x = 0, z = 0;
   int n = 0;
-  for (int i = 0; i < cloud.size; i += 16, ++n) x += cloud.x[static_cast<std::size_t>(i)] - settings.stage_x, z += cloud.z[static_cast<std::size_t>(i)] - settings.stage_z;
+  for (int i = 0; i < cloud.size; i += 16, ++n)
+    x += cloud.x[static_cast<std::size_t>(i)] - settings.stage_x, z += cloud.z[static_cast<std::size_t>(i)] - settings.stage_z;
   if (n == 0) return floor.height;
   return floor.height + floor.slope_x * static_cast<float>(x / n) + floor.slope_z * static_cast<float>(z / n);
 }
@@ -430,7 +445,8 @@ Observation CloudBuilder::make_observation(int cloud_capacity) const {
     view.camera = camera;
     view.depth.resize(impl_->work[i].pixel.size());
     view.label.resize(view.depth.size(), PixelLabel::unknown);
-    view.nearest_dx.resize(static_cast<std::size_t>(camera.width / kSilhouetteStep) * static_cast<std::size_t>(camera.height / kSilhouetteStep), kSilhouetteFar);
+    view.nearest_dx.resize(static_cast<std::size_t>(camera.width / kSilhouetteStep) * static_cast<std::size_t>(camera.height / kSilhouetteStep),
+                           kSilhouetteFar);
     view.nearest_dy.resize(view.nearest_dx.size(), kSilhouetteFar);
   }
   return out;
@@ -445,7 +461,8 @@ void CloudBuilder::set_background(int camera, std::span<const std::uint16_t> dep
 std::size_t CloudBuilder::memory_bytes() const {
   std::size_t bytes = impl_->components.memory_bytes() + impl_->floor_points.size() * sizeof(Eigen::Vector3f) + impl_->bands.size() * sizeof(Band);
   for (const CameraWork& w : impl_->work)
-    bytes += w.pixel.size() * (2 * sizeof(std::int32_t) + sizeof(Fate) + 3 * sizeof(float) + 2 * sizeof(float) + 3 * sizeof(std::uint16_t)) + w.inverse.size() * sizeof(float);
+    bytes += w.pixel.size() * (2 * sizeof(std::int32_t) + sizeof(Fate) + 3 * sizeof(float) + 2 * sizeof(float) + 3 * sizeof(std::uint16_t)) +
+             w.inverse.size() * sizeof(float);
   return bytes;
 }
 

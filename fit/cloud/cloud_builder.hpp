@@ -13,17 +13,17 @@ namespace booth::fit {
 
 /// CMU frame (y up), metres. The defaults are the booth's; why they are what they are: docs/design/cloud.md.
 struct CloudSettings {
-  float stage_x = 0, stage_z = 0;      ///< centre of the stage on the floor
-  float stage_radius = 2.0f;           ///< nothing outside this upright cylinder is looked at
+  float stage_x = 0, stage_z = 0;  ///< centre of the stage on the floor
+  float stage_radius = 2.0f;       ///< nothing outside this upright cylinder is looked at
   float stage_height = 2.5f;
   float min_depth = 0.3f, max_depth = 8.0f;  ///< measurements outside are no measurements
-  float floor_margin = 0.015f;         ///< what lies lower above the floor is floor; up to 0.03 when the floor itself is measured with more noise
-  float background_margin = 0.03f;     ///< a pixel is background when it lies no more than this before the background image,
-  float background_relative = 0.02f;   ///< or no more than this part of its depth, whichever is larger
-  int min_neighbours = 3;              ///< of 8; a pixel with fewer neighbours on its own surface is dropped as isolated
-  float voxel = 0.05f;                 ///< pieces that touch on a grid of this size are one component
-  float rejoin_gap = 0.12f;            ///< pieces too small for a person join what lies nearer than this
-  int threads = 2;                     ///< workers, the caller included; the result does not depend on it
+  float floor_margin = 0.015f;               ///< what lies lower above the floor is floor; up to 0.03 when the floor itself is measured with more noise
+  float background_margin = 0.03f;           ///< a pixel is background when it lies no more than this before the background image,
+  float background_relative = 0.02f;         ///< or no more than this part of its depth, whichever is larger
+  int min_neighbours = 3;                    ///< of 8; a pixel with fewer neighbours on its own surface is dropped as isolated
+  float voxel = 0.05f;                       ///< pieces that touch on a grid of this size are one component
+  float rejoin_gap = 0.12f;                  ///< pieces too small for a person join what lies nearer than this
+  int threads = 2;                           ///< workers, the caller included; the result does not depend on it
 };
 
 /// One camera's image of the group.
@@ -48,22 +48,22 @@ const char* describe(CloudOutcome outcome);
 /// What happened to the pixels (or points) of one group.
 struct CloudReport {
   CloudOutcome outcome = CloudOutcome::no_frame;
-  int frames = 0;              ///< cameras that gave an image
-  int raw = 0;                 ///< pixels with a measurement
-  int cropped = 0;             ///< of these: outside the stage, or background by the background image
-  int floor = 0;               ///< on the floor
-  int isolated = 0;            ///< without enough neighbours, or specks
-  int flying = 0;              ///< between two surfaces, as time-of-flight cameras invent them at edges
-  int other = 0;               ///< on other persons or things
-  int person = 0;              ///< on the tracked person: raw = cropped + floor + isolated + flying + other + person
-  int points = 0;              ///< of these: kept in the cloud, whose capacity is limited
-  int persons = 0;             ///< components of a person's size
-  int other_components = 0;    ///< components that are not the tracked person, specks left out
-  bool touches_border = false; ///< part of the person may be outside the stage
-  bool floor_measured = false; ///< the floor was seen well enough to correct the calibrated one
-  float floor_height = 0;      ///< at the stage's centre, m
+  int frames = 0;                            ///< cameras that gave an image
+  int raw = 0;                               ///< pixels with a measurement
+  int cropped = 0;                           ///< of these: outside the stage, or background by the background image
+  int floor = 0;                             ///< on the floor
+  int isolated = 0;                          ///< without enough neighbours, or specks
+  int flying = 0;                            ///< between two surfaces, as time-of-flight cameras invent them at edges
+  int other = 0;                             ///< on other persons or things
+  int person = 0;                            ///< on the tracked person: raw = cropped + floor + isolated + flying + other + person
+  int points = 0;                            ///< of these: kept in the cloud, whose capacity is limited
+  int persons = 0;                           ///< components of a person's size
+  int other_components = 0;                  ///< components that are not the tracked person, specks left out
+  bool touches_border = false;               ///< part of the person may be outside the stage
+  bool floor_measured = false;               ///< the floor was seen well enough to correct the calibrated one
+  float floor_height = 0;                    ///< at the stage's centre, m
   float floor_tilt_x = 0, floor_tilt_z = 0;  ///< slope along x and z
-  float floor_sigma = 0;       ///< spread of the floor's points, m; 0 where not measured
+  float floor_sigma = 0;                     ///< spread of the floor's points, m; 0 where not measured
 };
 
 /// Depth images to Observation. Allocates everything in the constructor; build() allocates nothing, throws nothing and gives the same bits for

@@ -14,8 +14,8 @@ namespace booth::fit {
 namespace {
 
 constexpr int kLanes = 16;
-constexpr int kMaxSteps = 320;        // cells along an axis; more would be too much for the stack, and for a person
-constexpr float kNowhere = 1e30f;     // squared distance of a candidate that there is not
+constexpr int kMaxSteps = 320;     // cells along an axis; more would be too much for the stack, and for a person
+constexpr float kNowhere = 1e30f;  // squared distance of a candidate that there is not
 bool usable(float x, float y, float z) { return std::abs(x) < 1000 && std::abs(y) < 1000 && std::abs(z) < 1000; }
 
 /// On a line of cells, a point's squared distance is its squared distance across the line, the same for every cell, plus the squared difference
@@ -182,7 +182,8 @@ void NearestField::seed_and_spread_in_plane(const Cloud& cloud, int z) {
     const int x = std::min(static_cast<int>((cloud.x[k] - origin_.x()) * inverse_cell_), nx_ - 1);
     const int y = std::min(static_cast<int>((cloud.y[k] - origin_.y()) * inverse_cell_), ny_ - 1);
     const float dy = cloud.y[k] - centre(y, origin_.y()), dz = cloud.z[k] - cz;
-    tell_row(index + y * nx_, distance2 + y * nx_, std::max(x - reach_cells, 0), std::min(x + reach_cells + 1, nx_), i, cloud.x[k], dy * dy + dz * dz, origin_.x(), cell_);
+    tell_row(index + y * nx_, distance2 + y * nx_, std::max(x - reach_cells, 0), std::min(x + reach_cells + 1, nx_), i, cloud.x[k], dy * dy + dz * dz,
+             origin_.x(), cell_);
   }
   for (int x = 0; x < nx_; x += kLanes) spread(index + x, distance2 + x, nx_, ny_, cloud.y.data(), centre(0, origin_.y()), cell_);
 }

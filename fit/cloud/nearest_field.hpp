@@ -11,8 +11,8 @@
 namespace booth::fit {
 
 struct NearestFieldSettings {
-  float cell = 0.02f;         ///< m; grows by itself for a cloud whose box takes more than max_cells
-  float band = 0.30f;         ///< m; beyond this distance from the cloud there is no answer
+  float cell = 0.02f;  ///< m; grows by itself for a cloud whose box takes more than max_cells
+  float band = 0.30f;  ///< m; beyond this distance from the cloud there is no answer
   int max_points = 120000;
   int max_cells = 1'500'000;
 };
@@ -48,11 +48,11 @@ class NearestField {
   NearestFieldSettings settings_;
   float cell_ = 1, inverse_cell_ = 1;
   Eigen::Vector3f origin_ = Eigen::Vector3f::Zero();
-  Eigen::Vector3f size_ = Eigen::Vector3f::Zero();  // number of cells, as floats
-  int nx_ = 0, ny_ = 0, nz_ = 0;                     // nx_ is a multiple of the vector width
-  std::vector<std::int32_t> index_;                  // x fastest
-  std::vector<float> distance2_;                     // of the cell's centre from that point; band^2 where there is none
-  std::vector<std::int32_t> of_plane_, plane_start_; // the points in the order of their planes
+  Eigen::Vector3f size_ = Eigen::Vector3f::Zero();    // number of cells, as floats
+  int nx_ = 0, ny_ = 0, nz_ = 0;                      // nx_ is a multiple of the vector width
+  std::vector<std::int32_t> index_;                   // x fastest
+  std::vector<float> distance2_;                      // of the cell's centre from that point; band^2 where there is none
+  std::vector<std::int32_t> of_plane_, plane_start_;  // the points in the order of their planes
   std::vector<std::int16_t> plane_;
 };
 

@@ -15,7 +15,8 @@ constexpr float kLeastDeterminant = 20;
 // Two loops, and no branch in either: that is what the vectoriser takes.
 BOOTH_KERNEL void fit_inverse_depth(const float* row, std::ptrdiff_t stride, float gate_a, float gate_b, InverseDepthFit& out) {
   struct Sums {
-    float n[kNormalLanes], u[kNormalLanes], v[kNormalLanes], uu[kNormalLanes], uv[kNormalLanes], vv[kNormalLanes], w[kNormalLanes], uw[kNormalLanes], vw[kNormalLanes];
+    float n[kNormalLanes], u[kNormalLanes], v[kNormalLanes], uu[kNormalLanes], uv[kNormalLanes], vv[kNormalLanes], w[kNormalLanes], uw[kNormalLanes],
+        vw[kNormalLanes];
   };
   Sums sums;
   for (int k = 0; k < kNormalLanes; ++k) {

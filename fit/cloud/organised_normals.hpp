@@ -5,8 +5,8 @@
 
 namespace booth::fit {
 
-inline constexpr int kNormalRadius = 2;   ///< the window is 5 x 5
-inline constexpr int kNormalLanes = 16;   ///< pixels of a row handled at once
+inline constexpr int kNormalRadius = 2;  ///< the window is 5 x 5
+inline constexpr int kNormalLanes = 16;  ///< pixels of a row handled at once
 
 /// An affine fit w = w0 + a du + b dv of the inverse depth (1/m) around a pixel. On a plane the inverse depth is affine in the image, whatever the
 /// slant, so the fit has no bias on flat skin.

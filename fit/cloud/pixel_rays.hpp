@@ -24,13 +24,13 @@ struct PixelRays {
   Eigen::Vector3f point(std::size_t i, float depth) const { return centre + depth * (to_world * Eigen::Vector3f(x[i], y[i], 1)); }
 
   int width, height;
-  float scale;                              ///< metres per count
-  std::uint16_t min_count, max_count;       ///< a measurement lies between these, ends included
+  float scale;                         ///< metres per count
+  std::uint16_t min_count, max_count;  ///< a measurement lies between these, ends included
   Eigen::Matrix3f to_world;
   Eigen::Vector3f centre;
-  std::vector<float> x, y;                  ///< undistorted ray (x, y, 1) of each pixel
-  std::vector<std::uint16_t> near, far;     ///< the stage begins and ends at these counts (included); near > far: the pixel never sees it
-  std::vector<std::uint16_t> stage_far;     ///< `far` without a background
+  std::vector<float> x, y;               ///< undistorted ray (x, y, 1) of each pixel
+  std::vector<std::uint16_t> near, far;  ///< the stage begins and ends at these counts (included); near > far: the pixel never sees it
+  std::vector<std::uint16_t> stage_far;  ///< `far` without a background
 
  private:
   float background_margin_, background_relative_;

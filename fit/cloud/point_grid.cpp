@@ -52,7 +52,9 @@ void PointGrid::rebuild(const float* x, const float* y, const float* z, const fl
   // Points far apart make the cells larger.
   const Eigen::Vector3d extent = high.cast<double>() - low.cast<double>();
   double cell = wanted_cell_;
-  const auto cells = [&](double size) { return (std::floor(extent.x() / size) + 1) * (std::floor(extent.y() / size) + 1) * (std::floor(extent.z() / size) + 1); };
+  const auto cells = [&](double size) {
+    return (std::floor(extent.x() / size) + 1) * (std::floor(extent.y() / size) + 1) * (std::floor(extent.z() / size) + 1);
+  };
   while (cells(cell) > kMaxCells) cell *= 1.25;
   cell_ = static_cast<float>(cell);
   inverse_cell_ = static_cast<float>(1 / cell);

@@ -44,9 +44,9 @@ class PointGrid {
   int nx_ = 0, ny_ = 0, nz_ = 0;
   int count_ = 0;
   bool has_normals_ = false;
-  std::vector<Entry> sorted_;          // in the order of the cells, x fastest, so that neighbouring cells of a row are one stretch of memory
+  std::vector<Entry> sorted_;  // in the order of the cells, x fastest, so that neighbouring cells of a row are one stretch of memory
   std::vector<Normal> sorted_normal_;
-  std::vector<std::int32_t> start_;    // first entry of each cell, and one past the last
+  std::vector<std::int32_t> start_;  // first entry of each cell, and one past the last
   std::vector<std::int32_t> cell_of_;
 };
 

@@ -17,7 +17,8 @@ struct Map {
     if (dx[from] == kSilhouetteFar) return;
     const int nx = dx[from] + (from_x - x) * kSilhouetteStep, ny = dy[from] + (from_y - y) * kSilhouetteStep;
     if (std::abs(nx) >= kSilhouetteFar || std::abs(ny) >= kSilhouetteFar) return;
-    if (dx[to] == kSilhouetteFar || nx * nx + ny * ny < dx[to] * dx[to] + dy[to] * dy[to]) dx[to] = static_cast<std::int16_t>(nx), dy[to] = static_cast<std::int16_t>(ny);
+    if (dx[to] == kSilhouetteFar || nx * nx + ny * ny < dx[to] * dx[to] + dy[to] * dy[to])
+      dx[to] = static_cast<std::int16_t>(nx), dy[to] = static_cast<std::int16_t>(ny);
   }
 };
 

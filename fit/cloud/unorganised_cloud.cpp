@@ -295,7 +295,8 @@ void turn_outwards(const Points& points, Points& normals, const SortedGrid& grid
 bool build_unorganised(const Eigen::Matrix3Xf& points, const Eigen::Matrix3Xf& normals, std::span<const Eigen::Vector3f> viewpoints,
                        const UnorganisedSettings& settings, Observation& out, CloudReport& report) {
   if (normals.cols() != 0 && normals.cols() != points.cols())
-    throw std::invalid_argument("cloud: " + std::to_string(points.cols()) + " points and " + std::to_string(normals.cols()) + " normals; give as many, or none");
+    throw std::invalid_argument("cloud: " + std::to_string(points.cols()) + " points and " + std::to_string(normals.cols()) +
+                                " normals; give as many, or none");
   if (!(settings.component_gap > 0 && settings.component_gap < 10)) throw std::invalid_argument("cloud: component_gap must be above 0 and below 10 m");
   report = {};
   out.cloud.clear();

@@ -21,7 +21,8 @@ class VoxelComponents {
   void clear();
   /// Counts a point (CMU frame) and returns the number of its voxel among the occupied ones; points beyond the stage count at its edge.
   int insert(const Eigen::Vector3f& p);
-  /// Decides about all voxels, which report.frames cameras saw above report.floor_height; fills persons, other_components and touches_border. True when there is a person.
+  /// Decides about all voxels, which report.frames cameras saw above report.floor_height; fills persons, other_components and touches_border. True when there
+  /// is a person.
   bool judge(CloudReport& report);
   VoxelVerdict verdict(int occupied) const { return occupied_[static_cast<std::size_t>(occupied)].verdict; }
 
@@ -34,11 +35,11 @@ class VoxelComponents {
     VoxelVerdict verdict;
   };
   struct Component {
-    std::int32_t parent;     // of the group that it joined
+    std::int32_t parent;  // of the group that it joined
     std::int32_t voxels;
-    std::int32_t volume;     // voxels, the hollow between the lowest and the highest of each column included
-    int low[3], high[3];     // corners, in voxels
-    double sum_x, sum_z;     // of the voxels' coordinates
+    std::int32_t volume;  // voxels, the hollow between the lowest and the highest of each column included
+    int low[3], high[3];  // corners, in voxels
+    double sum_x, sum_z;  // of the voxels' coordinates
     bool person_sized;
   };
   struct Offset {
@@ -61,8 +62,8 @@ class VoxelComponents {
   std::vector<std::int32_t> index_of_;  // of each voxel among the occupied; -1 = empty
   std::vector<Occupied> occupied_;
   std::vector<Component> components_;
-  std::vector<std::int32_t> loose_;     // voxels of components that are not a person's size, crumbs left out
-  std::vector<Offset> ball_;            // offsets within rejoin_gap, nearest first
+  std::vector<std::int32_t> loose_;  // voxels of components that are not a person's size, crumbs left out
+  std::vector<Offset> ball_;         // offsets within rejoin_gap, nearest first
 };
 
 }  // namespace booth::fit

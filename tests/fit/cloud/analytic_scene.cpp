@@ -102,11 +102,11 @@ std::vector<fit::Camera> booth_cameras(int count) {
 void Scene::add_person(float x, float z, int owner) {
   const auto part = [&](Vector3f a, Vector3f b, float r) { capsules.push_back({a + Vector3f(x, 0, z), b + Vector3f(x, 0, z), r, owner}); };
   for (const float side : {1.0f, -1.0f}) {
-    part({0.10f * side, 0.05f, 0}, {0.13f * side, 0.04f, 0.16f}, 0.04f);            // foot
-    part({0.10f * side, 0.06f, 0}, {0.10f * side, 0.50f, 0}, 0.05f);                // shin
-    part({0.10f * side, 0.50f, 0}, {0.09f * side, 0.90f, 0}, 0.075f);               // thigh
-    part({0.19f * side, 1.42f, 0}, {0.38f * side, 1.20f, 0.05f}, 0.045f);           // upper arm
-    part({0.38f * side, 1.20f, 0.05f}, {0.55f * side, 1.30f, 0.2f}, 0.035f);        // forearm
+    part({0.10f * side, 0.05f, 0}, {0.13f * side, 0.04f, 0.16f}, 0.04f);      // foot
+    part({0.10f * side, 0.06f, 0}, {0.10f * side, 0.50f, 0}, 0.05f);          // shin
+    part({0.10f * side, 0.50f, 0}, {0.09f * side, 0.90f, 0}, 0.075f);         // thigh
+    part({0.19f * side, 1.42f, 0}, {0.38f * side, 1.20f, 0.05f}, 0.045f);     // upper arm
+    part({0.38f * side, 1.20f, 0.05f}, {0.55f * side, 1.30f, 0.2f}, 0.035f);  // forearm
   }
   part({0, 0.98f, 0}, {0, 1.35f, 0}, 0.14f);
   part({-0.1f, 1.36f, 0}, {0.1f, 1.36f, 0}, 0.09f);

@@ -26,8 +26,8 @@ struct Scene {
   std::vector<Box> boxes;
   float floor_height = 0, floor_slope_x = 0;  ///< y = height + slope x
   bool floor = true;
-  float wall = 3.2f;                          ///< half the room's width; 0: no walls
-  float noise = 0;                            ///< standard deviation of the depth, m
+  float wall = 3.2f;  ///< half the room's width; 0: no walls
+  float noise = 0;    ///< standard deviation of the depth, m
   unsigned seed = 1;
 
   /// A standing figure of 1.75 m: legs with feet, trunk, head, arms somewhat raised. Owner marks its surfaces in Rendering::owner.

@@ -437,7 +437,8 @@ TEST(CloudBuilder, AForearmThatCameOffIsTakenBack) {
 TEST(CloudBuilder, CrumbsOfTheFloorDoNotJoinTheFeet) {
   Scene scene;
   scene.add_person(0, 0);
-  for (const float x : {0.295f, -0.315f}) scene.capsules.push_back({{x, 0.04f, 0.1f}, {x + 0.02f, 0.04f, 0.12f}, 0.02f, 7});  // within the gap that limbs may have
+  for (const float x : {0.295f, -0.315f})
+    scene.capsules.push_back({{x, 0.04f, 0.1f}, {x + 0.02f, 0.04f, 0.12f}, 0.02f, 7});  // within the gap that limbs may have
   scene.noise = 0.003f;
   const auto rig = booth_cameras();
   const BoothFrame frame(scene, rig);
@@ -468,8 +469,8 @@ bool same(const Observation& a, const Observation& b) {
   const auto equal = [](const auto& u, const auto& v, std::size_t n) { return std::memcmp(u.data(), v.data(), n * sizeof(u[0])) == 0; };
   const auto n = static_cast<std::size_t>(a.cloud.size);
   bool good = a.cloud.size == b.cloud.size && equal(a.cloud.x, b.cloud.x, n) && equal(a.cloud.y, b.cloud.y, n) && equal(a.cloud.z, b.cloud.z, n) &&
-              equal(a.cloud.nx, b.cloud.nx, n) && equal(a.cloud.ny, b.cloud.ny, n) && equal(a.cloud.nz, b.cloud.nz, n) && equal(a.cloud.camera, b.cloud.camera, n) &&
-              a.floor_height == b.floor_height;
+              equal(a.cloud.nx, b.cloud.nx, n) && equal(a.cloud.ny, b.cloud.ny, n) && equal(a.cloud.nz, b.cloud.nz, n) &&
+              equal(a.cloud.camera, b.cloud.camera, n) && a.floor_height == b.floor_height;
   for (std::size_t v = 0; v < a.views.size(); ++v)
     good = good && equal(a.views[v].depth, b.views[v].depth, a.views[v].depth.size()) && equal(a.views[v].label, b.views[v].label, a.views[v].label.size()) &&
            a.views[v].nearest_dx == b.views[v].nearest_dx && a.views[v].nearest_dy == b.views[v].nearest_dy;

@@ -103,7 +103,8 @@ TEST(NearestField, AtCellCentresTheErrorIsOnlyThatOfTheSweeps) {
     NearestField field({.cell = 0.02f, .band = 0.3f});
     WorkerPool pool(1);
     field.rebuild(cloud, pool);
-    const Eigen::Vector3f low(*std::min_element(cloud.x.begin(), cloud.x.begin() + cloud.size), *std::min_element(cloud.y.begin(), cloud.y.begin() + cloud.size),
+    const Eigen::Vector3f low(*std::min_element(cloud.x.begin(), cloud.x.begin() + cloud.size),
+                              *std::min_element(cloud.y.begin(), cloud.y.begin() + cloud.size),
                               *std::min_element(cloud.z.begin(), cloud.z.begin() + cloud.size));
     double sum = 0;
     int n = 0;

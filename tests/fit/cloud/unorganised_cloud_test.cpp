@@ -92,7 +92,9 @@ TEST(UnorganisedCloud, NormalsOfOneViewPointToTheViewpoint) {
   CloudReport report;
   ASSERT_TRUE(builder.build(frame.inputs, seen, report));
   Eigen::Matrix3Xf points(3, seen.cloud.size);
-  for (int i = 0; i < seen.cloud.size; ++i) points.col(i) = Eigen::Vector3f(seen.cloud.x[static_cast<std::size_t>(i)], seen.cloud.y[static_cast<std::size_t>(i)], seen.cloud.z[static_cast<std::size_t>(i)]);
+  for (int i = 0; i < seen.cloud.size; ++i)
+    points.col(i) =
+        Eigen::Vector3f(seen.cloud.x[static_cast<std::size_t>(i)], seen.cloud.y[static_cast<std::size_t>(i)], seen.cloud.z[static_cast<std::size_t>(i)]);
   const Eigen::Vector3f eye[] = {rig[0].centre()};
   Observation out(120000);
   ASSERT_TRUE(build_unorganised(points, {}, eye, {}, out, report));
