@@ -83,7 +83,7 @@ const std::vector<ConfigKey>& table() {
       {.name = "cameras.synthetic.body", .slot = BOOTH_SLOT(cameras.synthetic.body), .doc = "Who stands in the simulated booth.", .check = check_body},
       {.name = "cameras.synthetic.motion",
        .slot = BOOTH_SLOT(cameras.synthetic.motion),
-       .doc = "What the simulated person does: the name of a built-in motion (showcase, walk, wave, a-pose, ...) or a motion file.",
+       .doc = "What the simulated person does: the name of a built-in motion (showcase, walk, wave, a-pose, ...).",
        .check = check_path},
       {.name = "cameras.synthetic.noise", .slot = BOOTH_SLOT(cameras.synthetic.noise), .doc = "Noise of the simulated depth.", .check = check_noise},
       {.name = "cameras.synthetic.count", .slot = BOOTH_SLOT(cameras.synthetic.count), .doc = "Number of simulated cameras.", .minimum = 1, .maximum = 8},

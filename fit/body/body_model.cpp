@@ -1,6 +1,7 @@
 // Checks of model data and the two linear maps (shape, skeleton) plus smooth skinning (MATH.md 2).
 #include "fit/body/body_model.hpp"
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <stdexcept>
 

@@ -86,7 +86,9 @@ void Diagnostics::describe(const Observation& observation, bool exact, FitResult
     const Eigen::Vector3f normal(nx_[o], ny_[o], nz_[o]);
     if (!normal.isZero() && normal.dot(poser_.normal(s)) < 0) continue;  // the other side of the body
     covered += difference.norm() < kExplained;
-    distance_[static_cast<std::size_t>(visible++)] = difference.norm();
+    // The sample is sparse: what lies along the surface is the distance between samples, not an error.
+    const float along = std::abs(difference.dot(poser_.normal(s)));
+    distance_[static_cast<std::size_t>(visible++)] = difference.norm() < kExplained ? along : difference.norm();
   }
   result.coverage = vertices > 0 ? static_cast<double>(covered) / vertices : 0.0;
   result.model_to_cloud = statistics(distance_, visible);
