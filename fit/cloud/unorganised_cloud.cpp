@@ -115,55 +115,85 @@ class SignedSets {
   std::vector<std::uint8_t> against_;
 };
 
-/// Which cells of a coarse grid the outside reaches without crossing the cloud.
-class Outside {
+/// Space around a cloud whose points are swollen to balls: what the outside reaches, and the largest hollow that it does not.
+class Enclosure {
  public:
-  Outside(const Points& points, float cell) {
+  enum Kind : std::uint8_t { kHollow, kSurface, kOutside, kBody };
+
+  /// The balls' radius closes gaps between points twice as wide.
+  Enclosure(const Points& points, float radius) {
     low_ = points.front();
     Eigen::Vector3f high = low_;
     for (const auto& p : points) low_ = low_.cwiseMin(p), high = high.cwiseMax(p);
     const Eigen::Vector3f extent = high - low_;
-    const auto cells = [&](float c) { return (extent.x() / c + 5.0) * (extent.y() / c + 5.0) * (extent.z() / c + 5.0); };
+    constexpr int kBall = 2, kMargin = kBall + 2;  // cells
+    float cell = radius / kBall;
+    const auto cells = [&](float c) {
+      constexpr double kEdges = 2 * kMargin + 1;
+      return (extent.x() / c + kEdges) * (extent.y() / c + kEdges) * (extent.z() / c + kEdges);
+    };
     while (cells(cell) > 8e6) cell *= 1.25f;
     cell_ = cell;
-    for (int k = 0; k < 3; ++k) n_[k] = static_cast<int>(extent[k] / cell) + 5;
-    low_ -= Eigen::Vector3f::Constant(2 * cell);
-    state_.assign(static_cast<std::size_t>(n_[0]) * static_cast<std::size_t>(n_[1]) * static_cast<std::size_t>(n_[2]), kInside);
-    for (const auto& p : points) state_[static_cast<std::size_t>(index(p))] = kSurface;
-    std::vector<int> front{0};
-    state_[0] = kOutside;
+    radius_ = kBall * cell;
+    for (int k = 0; k < 3; ++k) n_[k] = static_cast<int>(extent[k] / cell) + 2 * kMargin + 1;
+    low_ -= Eigen::Vector3f::Constant(kMargin * cell);
+    state_.assign(static_cast<std::size_t>(n_[0]) * static_cast<std::size_t>(n_[1]) * static_cast<std::size_t>(n_[2]), kHollow);
+    for (const auto& p : points) {
+      const Eigen::Vector3f local = (p - low_) / cell_;
+      const int at[3] = {static_cast<int>(local.x()), static_cast<int>(local.y()), static_cast<int>(local.z())};
+      for (int z = at[2] - kBall; z <= at[2] + kBall; ++z)
+        for (int y = at[1] - kBall; y <= at[1] + kBall; ++y)
+          for (int x = at[0] - kBall; x <= at[0] + kBall; ++x) {
+            const Eigen::Vector3f centre(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, static_cast<float>(z) + 0.5f);
+            if ((centre - local).squaredNorm() < kBall * kBall) state_[static_cast<std::size_t>((z * n_[1] + y) * n_[0] + x)] = kSurface;
+          }
+    }
+    flood(0, kHollow, kOutside);
+    std::size_t largest = 0;
+    int seed = -1;
+    constexpr Kind kSeen = static_cast<Kind>(kBody + 1);
+    for (std::size_t i = 0; i < state_.size(); ++i)
+      if (state_[i] == kHollow)
+        if (const std::size_t size = flood(static_cast<int>(i), kHollow, kSeen); size > largest) largest = size, seed = static_cast<int>(i);
+    if (seed >= 0) flood(seed, kSeen, kBody);
+    for (auto& s : state_)
+      if (s == kSeen) s = kHollow;
+  }
+  float cell() const { return cell_; }
+  float radius() const { return radius_; }
+  Kind at(const Eigen::Vector3f& p) const {
+    const Eigen::Vector3f local = (p - low_) / cell_;
+    for (int k = 0; k < 3; ++k)
+      if (!(local[k] >= 0 && local[k] < static_cast<float>(n_[k]))) return kOutside;
+    return static_cast<Kind>(
+        state_[static_cast<std::size_t>((static_cast<int>(local.z()) * n_[1] + static_cast<int>(local.y())) * n_[0] + static_cast<int>(local.x()))]);
+  }
+
+ private:
+  /// Number of cells changed.
+  std::size_t flood(int seed, Kind from, Kind to) {
+    std::size_t changed = 1;
+    front_.assign(1, seed);
+    state_[static_cast<std::size_t>(seed)] = to;
     const int steps[3] = {1, n_[0], n_[0] * n_[1]};
-    while (!front.empty()) {
-      const int i = front.back();
-      front.pop_back();
+    while (!front_.empty()) {
+      const int i = front_.back();
+      front_.pop_back();
       const int at[3] = {i % n_[0], i / n_[0] % n_[1], i / n_[0] / n_[1]};
       for (int k = 0; k < 3; ++k)
         for (const int d : {-1, 1}) {
           if (at[k] + d < 0 || at[k] + d >= n_[k]) continue;
           auto& s = state_[static_cast<std::size_t>(i + d * steps[k])];
-          if (s == kInside) s = kOutside, front.push_back(i + d * steps[k]);
+          if (s == from) s = to, front_.push_back(i + d * steps[k]), ++changed;
         }
     }
-  }
-  float cell() const { return cell_; }
-  bool contains(const Eigen::Vector3f& p) const {
-    const Eigen::Vector3f local = (p - low_) / cell_;
-    for (int k = 0; k < 3; ++k)
-      if (!(local[k] >= 0 && local[k] < static_cast<float>(n_[k]))) return true;
-    return state_[static_cast<std::size_t>(index(p))] == kOutside;
-  }
-
- private:
-  enum : std::uint8_t { kInside, kSurface, kOutside };
-  int index(const Eigen::Vector3f& p) const {
-    const Eigen::Vector3f local = (p - low_) / cell_;
-    const auto at = [&](int k) { return std::min(static_cast<int>(local[k]), n_[k] - 1); };
-    return (at(2) * n_[1] + at(1)) * n_[0] + at(0);
+    return changed;
   }
   Eigen::Vector3f low_;
-  float cell_ = 1;
+  float cell_ = 1, radius_ = 1;
   int n_[3];
   std::vector<std::uint8_t> state_;
+  std::vector<int> front_;
 };
 
 bool usable(const Eigen::Vector3f& p) { return p.cwiseAbs().maxCoeff() < 1000; }  // false for NaN; beyond a kilometre is no person
@@ -240,8 +270,59 @@ Eigen::Vector3f plane_normal(const Points& points, const SortedGrid& grid, Index
   return solver.eigenvectors().col(0).cast<float>();
 }
 
-/// Gives neighbouring normals one sense, patch by patch, and then lets each patch vote which sense is outwards.
-void turn_outwards(const Points& points, Points& normals, const SortedGrid& grid, float step, std::span<const Eigen::Vector3f> viewpoints) {
+/// What speaks for each normal's present sense, from -1 (turn it) to 1: the body's hollow behind it, or the outside nearer before it than behind it.
+/// Empty where the cloud does not enclose a body. Points with the hollow on both sides, such as those of a hand sunk into the trunk, lose their
+/// normal: no body has a surface there.
+std::vector<float> enclosure_votes(const Points& points, Points& normals, float step) {
+  constexpr float kReach = 0.12f;    // m; thicker than any limb whose hollow the balls fill
+  constexpr float kBehind = 0.015f;  // m; the hollow begins where the balls end, if the normal is about right
+  std::vector<float> votes(points.size());
+  std::vector<Index> buried;
+  // Gaps of an uneven cloud let the outside in; wider balls close them, at the price of what lies between an arm and the trunk.
+  for (const float swell : {2.2f, 3.0f, 4.0f}) {
+    const Enclosure space(points, std::max(swell * step, 0.012f));
+    const float stride = 0.5f * space.cell(), ambiguous = 1.5f * space.cell() + 0.004f, farthest = space.radius() + kReach;
+    std::size_t clear = 0, asked = 0;
+    buried.clear();
+    for (Index i = 0; i < points.size(); ++i) {
+      votes[i] = 0;
+      if (normals[i].isZero()) continue;
+      ++asked;
+      struct Way {
+        float out;
+        bool hollow = false;
+      };
+      const auto way = [&](float sense) {
+        Way w{farthest};
+        for (float s = 0; s < farthest; s += stride) {
+          const Enclosure::Kind kind = space.at(points[i] + sense * s * normals[i]);
+          if (kind == Enclosure::kOutside) {
+            w.out = s;
+            break;
+          }
+          w.hollow = w.hollow || (kind == Enclosure::kBody && s < space.radius() + space.cell() + kBehind);
+        }
+        return w;
+      };
+      const Way before = way(1), behind = way(-1);
+      const float thicker = behind.out - before.out;
+      if (before.hollow && behind.hollow)
+        buried.push_back(i);
+      else if (before.hollow != behind.hollow)
+        votes[i] = before.hollow ? -1 : 1;
+      else if (std::abs(thicker) > ambiguous)
+        votes[i] = std::copysign(0.5f, thicker);
+      clear += votes[i] != 0;
+    }
+    if (2 * clear <= asked) continue;
+    for (const Index i : buried) normals[i].setZero();
+    return votes;
+  }
+  return {};
+}
+
+/// The same for clouds that enclose nothing, by which side is away from the body's middle: whole patches of one sense decide together.
+std::vector<float> axis_votes(const Points& points, const Points& normals, const SortedGrid& grid) {
   SignedSets patches(points.size());
   // The flattest joints first, so that a patch grows around edges and not over them.
   for (const float flat : {0.98f, 0.93f, 0.8f})
@@ -250,10 +331,7 @@ void turn_outwards(const Points& points, Points& normals, const SortedGrid& grid
         const float cosine = normals[i].dot(normals[j]);
         if (j < i && std::abs(cosine) > flat) patches.unite(i, j, cosine < 0);
       });
-
-  const Outside outside(points, std::max(1.5f * step, 0.025f));
-  // Middle of the body at each height, for clouds that are open and that nobody says the viewpoint of.
-  constexpr float kSlice = 0.2f;
+  constexpr float kSlice = 0.2f;  // the middle is taken at each height
   Eigen::Vector3f low = points.front(), high = low;
   for (const auto& p : points) low = low.cwiseMin(p), high = high.cwiseMax(p);
   std::vector<Eigen::Vector4d> slices(std::min<std::size_t>(static_cast<std::size_t>((high.y() - low.y()) / kSlice) + 1, 10000), Eigen::Vector4d::Zero());
@@ -261,32 +339,73 @@ void turn_outwards(const Points& points, Points& normals, const SortedGrid& grid
     return slices[std::min(static_cast<std::size_t>((p.y() - low.y()) / kSlice), slices.size() - 1)];
   };
   for (const auto& p : points) slice_of(p) += Eigen::Vector4d(p.x(), p.y(), p.z(), 1);
-
-  struct Votes {
-    int points = 0, closed = 0;
-    double view = 0, axis = 0;
-  };
-  std::vector<Votes> votes(points.size());
+  std::vector<double> sum(points.size(), 0);
   for (Index i = 0; i < points.size(); ++i) {
-    if (normals[i].isZero()) continue;
     const auto [set, against] = patches.find(i);
-    Votes& v = votes[set];
-    const Eigen::Vector3f p = points[i], n = against ? Eigen::Vector3f(-normals[i]) : normals[i];
-    ++v.points;
-    for (const float s : {1.3f, 2.0f}) v.closed += outside.contains(p + s * outside.cell() * n) - outside.contains(p - s * outside.cell() * n);
+    const Eigen::Vector4d& slice = slice_of(points[i]);
+    sum[set] += (against ? -1 : 1) * normals[i].dot(points[i] - (slice.head<3>() / slice[3]).cast<float>());
+  }
+  std::vector<float> votes(points.size());
+  for (Index i = 0; i < points.size(); ++i) {
+    const auto [set, against] = patches.find(i);
+    votes[i] = normals[i].isZero() ? 0.0f : against == (sum[set] < 0) ? 0.5f : -0.5f;
+  }
+  return votes;
+}
+
+/// The same by the nearest viewpoint, which must have seen the point from outside.
+std::vector<float> view_votes(const Points& points, const Points& normals, std::span<const Eigen::Vector3f> viewpoints) {
+  std::vector<float> votes(points.size(), 0);
+  for (Index i = 0; i < points.size(); ++i) {
     const Eigen::Vector3f* nearest = nullptr;
     for (const auto& view : viewpoints)
-      if (view.allFinite() && (!nearest || (view - p).squaredNorm() < (*nearest - p).squaredNorm())) nearest = &view;
-    if (nearest) v.view += n.dot((*nearest - p).normalized());
-    const Eigen::Vector4d& slice = slice_of(p);
-    v.axis += n.dot(p - (slice.head<3>() / slice[3]).cast<float>());
+      if (view.allFinite() && (!nearest || (view - points[i]).squaredNorm() < (*nearest - points[i]).squaredNorm())) nearest = &view;
+    if (nearest) votes[i] = normals[i].dot((*nearest - points[i]).normalized());
   }
+  return votes;
+}
+
+/// Turns each normal as its own vote and its neighbours' say. No point binds another for good, so that an error at a crease or where two limbs touch
+/// stays there, instead of turning all that hangs on it; a normal whose sense stays open becomes zero.
+void turn_outwards(const Points& points, Points& normals, const SortedGrid& grid, float step, std::span<const Eigen::Vector3f> viewpoints) {
+  std::vector<float> votes = enclosure_votes(points, normals, step);
+  const bool viewed = std::any_of(viewpoints.begin(), viewpoints.end(), [](const Eigen::Vector3f& v) { return v.allFinite(); });
+  if (votes.empty()) votes = viewed ? view_votes(points, normals, viewpoints) : axis_votes(points, normals, grid);
+
+  struct Link {
+    Index to;
+    float weight;
+  };
+  constexpr int kMostLinks = 24;  // enough to average over; more of a dense cloud's only cost time
+  std::vector<Link> links;
+  std::vector<std::size_t> first{0};
+  std::vector<Link> near;
   for (Index i = 0; i < points.size(); ++i) {
-    const auto [set, against] = patches.find(i);
-    const Votes& v = votes[set];
-    const bool closed_says = std::abs(v.closed) > 0.2 * v.points;
-    const bool inwards = closed_says ? v.closed < 0 : v.view != 0 ? v.view < 0 : v.axis < 0;
-    if (against != inwards) normals[i] = -normals[i];
+    near.clear();
+    grid.around(points[i], [&](Index j) {
+      const float cosine = normals[i].dot(normals[j]);
+      if (j != i && std::abs(cosine) > 0.5f) near.push_back({j, cosine * std::abs(cosine)});
+    });
+    const std::size_t stride = near.size() / kMostLinks + 1;
+    float total = 1e-6f;
+    for (std::size_t k = 0; k < near.size(); k += stride) total += std::abs(near[k].weight);
+    for (std::size_t k = 0; k < near.size(); k += stride) links.push_back({near[k].to, near[k].weight / total});
+    first.push_back(links.size());
+  }
+  // Mean-field relaxation in place: the belief of each point in its sense, sure enough to spread over what has no vote of its own.
+  constexpr int kRounds = 40;
+  constexpr float kVote = 0.7f, kSharpness = 2.0f, kOpen = 0.1f;
+  std::vector<float> belief = votes;
+  for (int round = 0; round < kRounds; ++round)
+    for (Index n = 0; n < points.size(); ++n) {
+      const Index i = round % 2 == 0 ? n : static_cast<Index>(points.size()) - 1 - n;
+      float sum = kVote * votes[i];
+      for (std::size_t k = first[i]; k < first[i + 1]; ++k) sum += links[k].weight * belief[links[k].to];
+      belief[i] = std::tanh(kSharpness * sum);
+    }
+  for (Index i = 0; i < points.size(); ++i) {
+    if (std::abs(belief[i]) < kOpen) normals[i].setZero();
+    if (belief[i] < 0) normals[i] = -normals[i];
   }
 }
 
