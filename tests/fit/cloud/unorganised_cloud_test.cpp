@@ -1,13 +1,17 @@
 // Clouds from files: normals outwards, thinning, the largest piece, broken input.
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
 #include <random>
 #include <stdexcept>
 
 #include "analytic_scene.hpp"
+#include "fit/body/poser.hpp"
 #include "fit/cloud/cloud_builder.hpp"
+#include "tests/support/capsule_body.hpp"
+#include "tests/support/posed_cloud.hpp"
 
 namespace booth::fit {
 namespace {
@@ -79,6 +83,68 @@ TEST(UnorganisedCloud, NormalsOfAClosedCloudPointOutwards) {
     EXPECT_EQ(report.raw, c.points);
     EXPECT_TRUE(out.views.empty());
     EXPECT_GT(outward(out.cloud, truth), c.good) << c.points;
+  }
+}
+
+/// Whether a closed mesh goes around p, by the solid angles of its triangles; parts of it may overlap.
+bool enclosed(const Vertices& vertices, const Faces& faces, const Eigen::Vector3f& p) {
+  double sum = 0;
+  for (Eigen::Index f = 0; f < faces.cols(); ++f) {
+    const Eigen::Vector3f a = vertices.col(faces(0, f)) - p, b = vertices.col(faces(1, f)) - p, c = vertices.col(faces(2, f)) - p;
+    const float x = a.norm(), y = b.norm(), z = c.norm();
+    sum += 2 * std::atan2(a.dot(b.cross(c)), x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y);
+  }
+  return sum > 2 * 3.14159265358979;  // half of a full turn
+}
+
+/// Points all over a mesh, evenly by area, with isotropic noise (m) and the normals of their triangles; none where one part hides inside another,
+/// because nothing measures such a surface.
+Sampled sampled_mesh(const Vertices& vertices, const Faces& faces, int count, float noise) {
+  std::vector<double> area;
+  const auto cross = [&](Eigen::Index f) {
+    const Eigen::Vector3f a = vertices.col(faces(0, f));
+    return Eigen::Vector3f((vertices.col(faces(1, f)) - a).cross(vertices.col(faces(2, f)) - a));
+  };
+  for (Eigen::Index f = 0; f < faces.cols(); ++f) {
+    const Eigen::Vector3f middle = (vertices.col(faces(0, f)) + vertices.col(faces(1, f)) + vertices.col(faces(2, f))) / 3;
+    area.push_back(enclosed(vertices, faces, middle + 0.004f * cross(f).normalized()) ? 0.0 : cross(f).norm());
+  }
+  std::mt19937 random(5);
+  std::discrete_distribution<Eigen::Index> pick(area.begin(), area.end());
+  std::uniform_real_distribution<float> uniform(0, 1);
+  std::normal_distribution<float> gauss(0, noise);
+  Sampled out{Eigen::Matrix3Xf(3, count), Eigen::Matrix3Xf(3, count)};
+  for (int i = 0; i < count; ++i) {
+    const Eigen::Index f = pick(random);
+    float u = uniform(random), v = uniform(random);
+    if (u + v > 1) u = 1 - u, v = 1 - v;
+    const Eigen::Vector3f a = vertices.col(faces(0, f)), b = vertices.col(faces(1, f)), c = vertices.col(faces(2, f));
+    out.points.col(i) = a + u * (b - a) + v * (c - a) + Eigen::Vector3f(gauss(random), gauss(random), gauss(random));
+    out.normals.col(i) = cross(f).normalized();
+  }
+  return out;
+}
+
+// A crease or a touch of two limbs once turned everything that hung on it.
+TEST(UnorganisedCloud, FewNormalsOfANoisyBodyPointInwards) {
+  const auto body = tests::capsule_body();
+  for (const PoseVector& q : {body->rest_pose(), tests::pose_with({})}) {
+    Vertices vertices;
+    body->posed(ShapeVector::Zero(body->shape_count()), q, vertices);
+    const Sampled truth = sampled_mesh(vertices, body->data().faces, 40000, 0.003f);
+    Observation out(120000);
+    CloudReport report;
+    ASSERT_TRUE(build_unorganised(truth.points, {}, {}, {}, out, report));
+    ASSERT_EQ(out.cloud.size, truth.points.cols());
+    int known = 0, inwards = 0;
+    for (int i = 0; i < out.cloud.size; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      const Eigen::Vector3f n(out.cloud.nx[k], out.cloud.ny[k], out.cloud.nz[k]);
+      known += !n.isZero();
+      inwards += n.dot(truth.normals.col(i)) < -0.5f;
+    }
+    EXPECT_GT(known, 0.9 * out.cloud.size);
+    EXPECT_LT(inwards, 0.03 * out.cloud.size);
   }
 }
 
