@@ -14,9 +14,9 @@
 namespace booth::fit {
 namespace {
 
-constexpr int kBadFramesUntilSearch = 2;   // a single bad frame is bridged, not searched
-constexpr int kRivalFrames = 10;           // men's and women's models both follow a new person for so long; then the better is kept
-constexpr double kRivalShare = 1.5;        // a model whose first energy is more than this share above the best is out at once
+constexpr int kBadFramesUntilSearch = 2;  // a single bad frame is bridged, not searched
+constexpr int kRivalFrames = 10;          // men's and women's models both follow a new person for so long; then the better is kept
+constexpr double kRivalShare = 1.5;       // a model whose first energy is more than this share above the best is out at once
 
 }  // namespace
 
@@ -33,11 +33,11 @@ struct Estimator::Impl {
   WorkerPool pool;
   std::vector<Candidate> candidates;
   std::unique_ptr<NearestField> field;
-  Candidate* person = nullptr;   ///< whose body is known
-  Candidate* rival = nullptr;    ///< the other sex's model while it has not been decided
+  Candidate* person = nullptr;                 ///< whose body is known
+  Candidate* rival = nullptr;                  ///< the other sex's model while it has not been decided
   double person_energy = 0, rival_energy = 0;  ///< summed over the frames since both were adopted
   int rival_frames = 0;
-  Candidate* last = nullptr;     ///< who made the last result
+  Candidate* last = nullptr;  ///< who made the last result
   bool following = false;
   int bad_frames = 0;
   FitResult result;
@@ -50,8 +50,10 @@ struct Estimator::Impl {
       if (!model || (s.sex == SexChoice::men && model->sex() != Sex::men) || (s.sex == SexChoice::women && model->sex() != Sex::women)) continue;
       Candidate c;
       c.model = model;
-      if (s.preset == Preset::booth) c.booth = std::make_unique<BoothFitter>(*model, *prior, pool);
-      else c.paper = std::make_unique<PaperFitter>(*model, *prior, pool);
+      if (s.preset == Preset::booth)
+        c.booth = std::make_unique<BoothFitter>(*model, *prior, pool);
+      else
+        c.paper = std::make_unique<PaperFitter>(*model, *prior, pool);
       c.diagnostics = std::make_unique<Diagnostics>(*model);
       candidates.push_back(std::move(c));
     }
@@ -81,8 +83,10 @@ struct Estimator::Impl {
   }
 
   void adopt(Candidate& c, const Observation& observation, const Solution& s) {
-    if (c.booth) c.booth->adopt(observation, s);
-    else c.paper->adopt(s);
+    if (c.booth)
+      c.booth->adopt(observation, s);
+    else
+      c.paper->adopt(s);
   }
 
   /// From nothing (or `initial`): each model in question is fitted, the better explanation is kept and the other followed for a while.
@@ -194,14 +198,17 @@ struct Estimator::Impl {
         return;
       }
       following = false;
-      if (person->booth) person->booth->lose();
-      else person->paper->reset();
+      if (person->booth)
+        person->booth->lose();
+      else
+        person->paper->reset();
     }
     start(observation, nullptr, false);
   }
 };
 
-Estimator::Estimator(std::shared_ptr<const BodyModel> men, std::shared_ptr<const BodyModel> women, std::shared_ptr<const PosePrior> prior, EstimatorSettings settings)
+Estimator::Estimator(std::shared_ptr<const BodyModel> men, std::shared_ptr<const BodyModel> women, std::shared_ptr<const PosePrior> prior,
+                     EstimatorSettings settings)
     : impl_(std::make_unique<Impl>(std::move(men), std::move(women), std::move(prior), settings)) {}
 Estimator::~Estimator() = default;
 

@@ -20,7 +20,7 @@ enum class SexChoice : std::uint8_t { automatic, men, women };
 struct EstimatorSettings {
   Preset preset = Preset::booth;
   SexChoice sex = SexChoice::automatic;
-  int threads = 2;            ///< workers, the caller included; the result does not depend on it
+  int threads = 2;  ///< workers, the caller included; the result does not depend on it
   std::uint64_t seed = 1;
   int cloud_capacity = 120000;
   int max_views = 8;
@@ -36,9 +36,9 @@ enum class JointVisibility : std::uint8_t { seen, inferred };
 
 /// Energy terms of MATH.md 3 (and ours), unweighted; zero where a term was not active.
 struct EnergyTerms {
-  double point = 0, plane = 0, shape = 0, bone = 0, pose = 0;             // eq. 5, 6, 9, 7, 12
-  double cloud_to_model = 0, free_space = 0, limits = 0, temporal = 0;    // ours
-  double total = 0;                                                       // weighted sum
+  double point = 0, plane = 0, shape = 0, bone = 0, pose = 0;           // eq. 5, 6, 9, 7, 12
+  double cloud_to_model = 0, free_space = 0, limits = 0, temporal = 0;  // ours
+  double total = 0;                                                     // weighted sum
 };
 
 struct DistanceStatistics {
@@ -50,16 +50,16 @@ struct FitResult {
   Sex sex = Sex::men;
   PoseVector q = PoseVector::Zero();
   ShapeVector beta;
-  Points3 joints = Points3::Zero();                              ///< CMU frame, metres
-  std::array<Eigen::Quaterniond, kBones> bone_rotation;          ///< world rotation of each bone, CMU frame
-  std::array<Eigen::Matrix3d, kJoints> joint_covariance;         ///< m^2
+  Points3 joints = Points3::Zero();                       ///< CMU frame, metres
+  std::array<Eigen::Quaterniond, kBones> bone_rotation;   ///< world rotation of each bone, CMU frame
+  std::array<Eigen::Matrix3d, kJoints> joint_covariance;  ///< m^2
   std::array<JointVisibility, kJoints> visibility{};
   EnergyTerms energy;
-  DistanceStatistics cloud_to_model;                             ///< distance of the cloud's points to the fitted surface
-  DistanceStatistics model_to_cloud;                             ///< of visible model vertices to the nearest cloud point
-  double coverage = 0;                                           ///< fraction of the model's surface that some point explains
+  DistanceStatistics cloud_to_model;  ///< distance of the cloud's points to the fitted surface
+  DistanceStatistics model_to_cloud;  ///< of visible model vertices to the nearest cloud point
+  double coverage = 0;                ///< fraction of the model's surface that some point explains
   int iterations = 0;
-  bool body_accepted = false;                                    ///< the shape has settled: this is the person's body
+  bool body_accepted = false;  ///< the shape has settled: this is the person's body
 };
 
 /// Allocates everything in the constructor; fit() and track() allocate nothing. One thread calls at a time.

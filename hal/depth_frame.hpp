@@ -16,9 +16,9 @@ constexpr int to_int(CameraIndex c) { return static_cast<int>(c); }
 
 /// Pinhole with Brown-Conrady distortion. Pixel (0, 0) is the *centre* of the first pixel.
 struct Intrinsics {
-  int width = 0, height = 0;               ///< pixels
-  double fx = 0, fy = 0, cx = 0, cy = 0;   ///< pixels
-  std::array<double, 5> distortion{};      ///< k1 k2 p1 p2 k3
+  int width = 0, height = 0;              ///< pixels
+  double fx = 0, fy = 0, cx = 0, cy = 0;  ///< pixels
+  std::array<double, 5> distortion{};     ///< k1 k2 p1 p2 k3
 };
 
 /// x_to = rotation * x_from + translation; rotation row-major, metres.
@@ -29,8 +29,8 @@ struct RigidTransform {
 
 /// What a camera is; constant between start() and stop(). Camera optical frame: z forward, x right, y down; never mirrored.
 struct CameraDescription {
-  std::string name;                ///< of the position in the booth, e.g. "front-left"
-  std::string serial;              ///< of the device
+  std::string name;    ///< of the position in the booth, e.g. "front-left"
+  std::string serial;  ///< of the device
   Intrinsics intrinsics;
   RigidTransform camera_to_world;  ///< into the booth frame (x forward, y left, z up)
   double depth_scale = 0.001;      ///< metres per count

@@ -70,13 +70,15 @@ int components_for(const Eigen::VectorXd& explained, double part) {
 }
 
 void report_shape(const fit::train::TrainedShape& t, std::ostream& out) {
-  out << fmt::format("\n{}: {} bodies ({} drawn ones lay beyond the sliders' range), {} components; 95 % by {}, 15 explain {:.2f} %\n", to_string(t.model.sex), t.bodies, t.rejected, t.model.directions.cols(),
-                     components_for(t.model.explained, 0.95), 100 * t.model.explained[std::min<Eigen::Index>(15, t.model.explained.size()) - 1]);
+  out << fmt::format("\n{}: {} bodies ({} drawn ones lay beyond the sliders' range), {} components; 95 % by {}, 15 explain {:.2f} %\n", to_string(t.model.sex),
+                     t.bodies, t.rejected, t.model.directions.cols(), components_for(t.model.explained, 0.95),
+                     100 * t.model.explained[std::min<Eigen::Index>(15, t.model.explained.size()) - 1]);
   out << fmt::format("  set-aside bodies: {:.2f} mm mean vertex distance to the kept components\n", 1e3 * t.held_out_surface);
   out << "  made against wanted (mean and worst |error|):";
   for (int i = 0; i < fit::train::kFittedMeasures; ++i) {
     const bool mass = fit::train::fitted_measure_name(i) == "mass";
-    out << fmt::format(" {} {:.2f}/{:.2f} {},", fit::train::fitted_measure_name(i), t.error_mean[i] * (mass ? 1 : 100), t.error_worst[i] * (mass ? 1 : 100), mass ? "kg" : "cm");
+    out << fmt::format(" {} {:.2f}/{:.2f} {},", fit::train::fitted_measure_name(i), t.error_mean[i] * (mass ? 1 : 100), t.error_worst[i] * (mass ? 1 : 100),
+                       mass ? "kg" : "cm");
   }
   out << "\n  database (mean and standard deviation):";
   for (int i = 0; i < fit::kMeasures; ++i) {
@@ -84,11 +86,13 @@ void report_shape(const fit::train::TrainedShape& t, std::ostream& out) {
     if (m == fit::Measure::volume) continue;
     const bool mass = m == fit::Measure::mass;
     const auto k = static_cast<std::size_t>(i);
-    out << fmt::format(" {} {:.1f} +- {:.1f} {},", measure_name(m), t.measure_mean[k] * (mass ? 1 : 100), t.measure_sd[k] * (mass ? 1 : 100), mass ? "kg" : "cm");
+    out << fmt::format(" {} {:.1f} +- {:.1f} {},", measure_name(m), t.measure_mean[k] * (mass ? 1 : 100), t.measure_sd[k] * (mass ? 1 : 100),
+                       mass ? "kg" : "cm");
   }
   out << "\n  joint regressor on the set-aside bodies, mm (template-only in brackets):";
   for (int j = 0; j < fit::kJoints; ++j)
-    out << fmt::format(" {} {:.1f} ({:.1f}),", fit::bones()[static_cast<std::size_t>(j)].end_joint, 1e3 * t.joint_residual[j], 1e3 * t.template_joint_residual[j]);
+    out << fmt::format(" {} {:.1f} ({:.1f}),", fit::bones()[static_cast<std::size_t>(j)].end_joint, 1e3 * t.joint_residual[j],
+                       1e3 * t.template_joint_residual[j]);
   out << fmt::format("\n  mean of all joints {:.2f} mm\n", 1e3 * t.joint_residual.mean());
 }
 
@@ -106,8 +110,8 @@ int run_model_train_shape(const TrainShapeOptions& options, std::ostream& out) {
   auto training = fit::train::train_shapes(base, men, women, settings, progress);
 
   const auto mesh = fit::train::inspect(training.mesh.average, training.mesh.faces);
-  out << fmt::format("template: {} vertices, {} faces, closed, Euler number {}, edges {:.2f} cm (5 % {:.2f}, 95 % {:.2f})\n", mesh.vertices, mesh.faces, mesh.euler(),
-                     100 * mesh.edge_mean, 100 * mesh.edge_p05, 100 * mesh.edge_p95);
+  out << fmt::format("template: {} vertices, {} faces, closed, Euler number {}, edges {:.2f} cm (5 % {:.2f}, 95 % {:.2f})\n", mesh.vertices, mesh.faces,
+                     mesh.euler(), 100 * mesh.edge_mean, 100 * mesh.edge_p05, 100 * mesh.edge_p95);
   std::vector<TestBody> bodies;
   for (auto* trained : {&training.men, &training.women}) {
     auto& model = trained->model;
@@ -155,9 +159,11 @@ int run_model_train_pose(const TrainPoseOptions& options, std::ostream& out) {
       angles += fit::kPoseDofs;
     }
   }
-  out << fmt::format("pose prior: {} frames (with mirror images {}), {} set aside, {} excluded; {} components, {} exemplars\n", used, 2 * used, aside, excluded, prior.components.cols(),
-                     prior.exemplars.cols());
-  if (total > 0) out << fmt::format("  set-aside motions: {:.2f} % of the variance inside the subspace, {:.3f} % of the angles beyond the limits\n", 100 * (1 - outside / total), 100 * beyond / angles);
+  out << fmt::format("pose prior: {} frames (with mirror images {}), {} set aside, {} excluded; {} components, {} exemplars\n", used, 2 * used, aside, excluded,
+                     prior.components.cols(), prior.exemplars.cols());
+  if (total > 0)
+    out << fmt::format("  set-aside motions: {:.2f} % of the variance inside the subspace, {:.3f} % of the angles beyond the limits\n",
+                       100 * (1 - outside / total), 100 * beyond / angles);
   return 0;
 }
 

@@ -18,8 +18,10 @@ std::vector<std::string> cells(std::string line) {
   if (!line.empty() && line.back() == '\r') line.pop_back();
   std::vector<std::string> list{""};
   for (char c : line) {
-    if (c == ',') list.emplace_back();
-    else list.back() += c;
+    if (c == ',')
+      list.emplace_back();
+    else
+      list.back() += c;
   }
   return list;
 }
@@ -78,7 +80,8 @@ std::vector<int> load_held_out_bodies(const std::filesystem::path& file, fit::Se
     if (text.empty() || text.front() == '#' || text.starts_with("sex,")) continue;
     const auto row = cells(text);
     int id = 0;
-    if (row.size() != 2 || (row[0] != "men" && row[0] != "women") || std::from_chars(row[1].data(), row[1].data() + row[1].size(), id).ptr != row[1].data() + row[1].size())
+    if (row.size() != 2 || (row[0] != "men" && row[0] != "women") ||
+        std::from_chars(row[1].data(), row[1].data() + row[1].size(), id).ptr != row[1].data() + row[1].size())
       fail(file, line, "expected 'men,ID' or 'women,ID'");
     if (row[0] == fit::to_string(sex)) list.push_back(id);
   }

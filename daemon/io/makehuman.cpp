@@ -124,7 +124,8 @@ void read_weights(const fs::path& file, BaseBody& body) {
     for (const auto& entry : entries) {
       const int vertex = entry.at(0).get<int>();
       const float weight = entry.at(1).get<float>();
-      if (vertex < 0 || vertex >= body.vertices.cols() || !(weight >= 0)) fail(file, 0, "bone " + bone + " has a weight of a vertex that does not exist, or a negative one");
+      if (vertex < 0 || vertex >= body.vertices.cols() || !(weight >= 0))
+        fail(file, 0, "bone " + bone + " has a weight of a vertex that does not exist, or a negative one");
       body.weights[bone].emplace_back(vertex, weight);
     }
 }

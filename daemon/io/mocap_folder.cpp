@@ -19,8 +19,10 @@ std::vector<std::string> cells(std::string line) {
   if (!line.empty() && line.back() == '\r') line.pop_back();
   std::vector<std::string> list{""};
   for (char c : line) {
-    if (c == ',') list.emplace_back();
-    else list.back() += c;
+    if (c == ',')
+      list.emplace_back();
+    else
+      list.back() += c;
   }
   return list;
 }
@@ -75,7 +77,9 @@ MotionFolder load_motion_folder(const std::filesystem::path& folder, const std::
     MotionClip clip{row[0], row[1], row[2], row[3], whole(table, line, row[4]), whole(table, line, row[5]), MotionUse::training};
     if (clip.start < 0 || clip.frames < 1 || clip.start > out.q.cols() - clip.frames) fail(table, line, "names frames that q.npy does not have");
     for (const auto& rule : rules)
-      if ((rule.kind == "subject" && rule.id == clip.subject) || (rule.kind == "trial" && rule.id == clip.trial) || (rule.kind == "class" && rule.id == clip.motion_class)) clip.use = rule.use;
+      if ((rule.kind == "subject" && rule.id == clip.subject) || (rule.kind == "trial" && rule.id == clip.trial) ||
+          (rule.kind == "class" && rule.id == clip.motion_class))
+        clip.use = rule.use;
     out.clips.push_back(std::move(clip));
   }
   return out;

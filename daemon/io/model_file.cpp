@@ -1,8 +1,8 @@
 // Which key holds what, and every check that a file from somewhere else needs before it becomes a model.
 #include "daemon/io/model_file.hpp"
 
-#include <cmath>
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <stdexcept>
 
@@ -81,7 +81,8 @@ fit::BodyModelData load_body_model_data(const std::filesystem::path& path, BodyM
   d.mean = matrix<float>(mean, vertices, 3).transpose();
   const auto directions = file.numbers("shapedirs", {vertices, 3, 0});
   const std::size_t components = directions.size() / (3 * vertices);
-  if (components < 1 || components > fit::kMaxShape) file.fail("shapedirs", "has " + std::to_string(components) + " components, allowed are 1 to " + std::to_string(fit::kMaxShape));
+  if (components < 1 || components > fit::kMaxShape)
+    file.fail("shapedirs", "has " + std::to_string(components) + " components, allowed are 1 to " + std::to_string(fit::kMaxShape));
   d.directions = matrix<float>(directions, 3 * vertices, components);
   d.explained = vector(file.numbers("explained", {components}));
   const auto faces = file.integers("f", {0, 3}, 0, static_cast<long>(vertices) - 1);
@@ -122,7 +123,8 @@ fit::BodyModelData load_body_model_data(const std::filesystem::path& path, BodyM
     }
   }
   if (extras) {
-    extras->template_regressor = file.has("J_regressor_template") ? matrix(file.numbers("J_regressor_template", {kJoints, vertices}), kJoints, vertices) : d.joint_regressor;
+    extras->template_regressor =
+        file.has("J_regressor_template") ? matrix(file.numbers("J_regressor_template", {kJoints, vertices}), kJoints, vertices) : d.joint_regressor;
     if (file.has("sigma")) extras->sigma = vector(file.numbers("sigma", {components}));
     if (file.has("joint_residual")) extras->joint_residual = vector(file.numbers("joint_residual", {kJoints}));
     if (file.has("notes")) extras->notes = file.text("notes");
@@ -157,7 +159,8 @@ void save_body_model(const std::filesystem::path& path, const fit::BodyModelData
   file.add("J_regressor_template", NpzType::f4, {kJoints, vertices}, row_major(extras.template_regressor));
   std::vector<double> weights(vertices * kBones, 0.0);
   for (std::size_t v = 0; v < vertices; ++v)
-    for (int i = 0; i < fit::kSkinBones; ++i) weights[v * kBones + d.skin_bone(i, static_cast<Eigen::Index>(v))] += static_cast<double>(d.skin_weight(i, static_cast<Eigen::Index>(v)));
+    for (int i = 0; i < fit::kSkinBones; ++i)
+      weights[v * kBones + d.skin_bone(i, static_cast<Eigen::Index>(v))] += static_cast<double>(d.skin_weight(i, static_cast<Eigen::Index>(v)));
   file.add("weights", NpzType::f4, {vertices, kBones}, weights);
   std::vector<double> tree;
   for (const auto& b : fit::bones()) tree.push_back(b.parent);
@@ -218,8 +221,8 @@ void save_pose_prior(const std::filesystem::path& path, const fit::PosePrior& p)
 namespace {
 
 /// Vertices are stored as 16-bit steps from the mean of their sex; high and low bytes stand apart, because only the high ones pack well.
-constexpr double kStep = 5e-5;      // metres
-constexpr double kOffset = 32768;   // the step that means no difference
+constexpr double kStep = 5e-5;     // metres
+constexpr double kOffset = 32768;  // the step that means no difference
 
 std::vector<TestBody> read_test_bodies(const std::filesystem::path& path, int only) {
   const NpzReader file(path);
@@ -232,7 +235,8 @@ std::vector<TestBody> read_test_bodies(const std::filesystem::path& path, int on
   const auto subjects = file.integers("subject", {bodies}, 0, 1000000000);
   const auto joints = file.numbers("joints", {bodies, kJoints, 3});
   const auto high_byte = file.array("high_byte"), low_byte = file.array("low_byte");
-  if (high_byte.type != NpzType::u1 || high_byte.shape.size() != 3 || high_byte.shape[0] != bodies || high_byte.shape[2] != 3) file.fail("high_byte", "is not a u1 array of shape (bodies, vertices, 3)");
+  if (high_byte.type != NpzType::u1 || high_byte.shape.size() != 3 || high_byte.shape[0] != bodies || high_byte.shape[2] != 3)
+    file.fail("high_byte", "is not a u1 array of shape (bodies, vertices, 3)");
   if (low_byte.type != NpzType::u1 || low_byte.shape != high_byte.shape) file.fail("low_byte", "has not the shape of high_byte");
   const std::size_t vertices = high_byte.shape[1];
   if (vertices < 16 || vertices > 200000) file.fail("high_byte", "has " + std::to_string(vertices) + " vertices, allowed are 16 to 200000");
@@ -252,7 +256,8 @@ std::vector<TestBody> read_test_bodies(const std::filesystem::path& path, int on
       for (std::size_t i = 0; i < 3; ++i) {
         const std::size_t at = (b * vertices + v) * 3 + i;
         const double step = high_byte.number(at) * 256 + low_byte.number(at) - kOffset;
-        body.rest(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(v)) = static_cast<float>(base[((body.sex == fit::Sex::men ? 0 : vertices) + v) * 3 + i] + step * kStep);
+        body.rest(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(v)) =
+            static_cast<float>(base[((body.sex == fit::Sex::men ? 0 : vertices) + v) * 3 + i] + step * kStep);
       }
     }
     for (int j = 0; j < kJoints; ++j)
@@ -289,7 +294,8 @@ void save_test_bodies(const std::filesystem::path& path, const std::vector<TestB
     for (float value : mean.cast<float>().reshaped()) base.push_back(static_cast<double>(value));  // as it will be read
   }
   for (const auto& b : bodies) {
-    if (count(b.rest.cols()) != vertices || b.measurements.size() != names.size()) throw std::invalid_argument("test bodies do not share one topology and one list of measures");
+    if (count(b.rest.cols()) != vertices || b.measurements.size() != names.size())
+      throw std::invalid_argument("test bodies do not share one topology and one list of measures");
     sexes.emplace_back(fit::to_string(b.sex));
     subjects.push_back(b.subject);
     const std::size_t first = b.sex == fit::Sex::men ? 0 : 3 * vertices;

@@ -15,9 +15,9 @@ namespace booth::daemon {
 /// A body set aside from training: not in the model's shape space. CMU axes (y up, z forward, x left), metres, root joint at the origin.
 struct TestBody {
   fit::Sex sex = fit::Sex::men;
-  int subject = 0;             ///< ANSUR II subject id
-  fit::Vertices rest;          ///< vertices in the A-pose, on the template topology
-  fit::Points3 rest_joints;    ///< the true joints (from the base mesh's joint cubes), not regressed ones
+  int subject = 0;           ///< ANSUR II subject id
+  fit::Vertices rest;        ///< vertices in the A-pose, on the template topology
+  fit::Points3 rest_joints;  ///< the true joints (from the base mesh's joint cubes), not regressed ones
   /// Measured on this mesh with fit::measure(): name and value in the unit that fit/body/measure.hpp gives.
   std::vector<std::pair<std::string, double>> measurements;
 };

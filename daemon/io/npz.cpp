@@ -27,7 +27,8 @@ struct TypeName {
   std::string_view descr;
   std::size_t bytes;
 };
-constexpr TypeName kTypes[] = {{NpzType::f2, "<f2", 2}, {NpzType::f4, "<f4", 4}, {NpzType::f8, "<f8", 8}, {NpzType::i4, "<i4", 4}, {NpzType::i8, "<i8", 8}, {NpzType::u1, "|u1", 1}};
+constexpr TypeName kTypes[] = {{NpzType::f2, "<f2", 2}, {NpzType::f4, "<f4", 4}, {NpzType::f8, "<f8", 8},
+                               {NpzType::i4, "<i4", 4}, {NpzType::i8, "<i8", 8}, {NpzType::u1, "|u1", 1}};
 
 std::size_t element_bytes(NpzType type) {
   for (const auto& t : kTypes)
@@ -153,7 +154,8 @@ NpzArray parse_npy(std::string_view npy) {
   for (const auto& t : kTypes) {
     if (t.descr != descr) continue;
     array.type = t.type;
-    if (data.size() != count * t.bytes) throw Malformed("holds " + std::to_string(data.size()) + " bytes, but its shape needs " + std::to_string(count * t.bytes));
+    if (data.size() != count * t.bytes)
+      throw Malformed("holds " + std::to_string(data.size()) + " bytes, but its shape needs " + std::to_string(count * t.bytes));
     array.bytes = data;
     return array;
   }
@@ -194,7 +196,7 @@ std::uint16_t half_from_float(float value) {
   const std::uint32_t sign = (bits >> 16) & 0x8000, magnitude = bits & 0x7fffffff;
   if (magnitude >= 0x7f800000) return static_cast<std::uint16_t>(sign | 0x7c00 | (magnitude > 0x7f800000 ? 0x200 : 0));
   if (magnitude >= 0x477ff000) return static_cast<std::uint16_t>(sign | 0x7c00);  // rounds beyond 65504
-  if (magnitude < 0x38800000) {  // subnormal: an integer multiple of 2^-24
+  if (magnitude < 0x38800000) {                                                   // subnormal: an integer multiple of 2^-24
     const float scaled = std::bit_cast<float>(magnitude) * 0x1p24f;
     return static_cast<std::uint16_t>(sign | static_cast<std::uint32_t>(std::nearbyint(scaled)));
   }
@@ -218,13 +220,20 @@ std::size_t NpzArray::size() const {
 
 double NpzArray::number(std::size_t i) const {
   switch (type) {
-    case NpzType::f2: return static_cast<double>(float_from_half(get<std::uint16_t>(bytes, 2 * i)));
-    case NpzType::f4: return static_cast<double>(get<float>(bytes, 4 * i));
-    case NpzType::f8: return get<double>(bytes, 8 * i);
-    case NpzType::i4: return get<std::int32_t>(bytes, 4 * i);
-    case NpzType::i8: return static_cast<double>(get<std::int64_t>(bytes, 8 * i));
-    case NpzType::u1: return get<std::uint8_t>(bytes, i);
-    case NpzType::text: break;
+    case NpzType::f2:
+      return static_cast<double>(float_from_half(get<std::uint16_t>(bytes, 2 * i)));
+    case NpzType::f4:
+      return static_cast<double>(get<float>(bytes, 4 * i));
+    case NpzType::f8:
+      return get<double>(bytes, 8 * i);
+    case NpzType::i4:
+      return get<std::int32_t>(bytes, 4 * i);
+    case NpzType::i8:
+      return static_cast<double>(get<std::int64_t>(bytes, 8 * i));
+    case NpzType::u1:
+      return get<std::uint8_t>(bytes, i);
+    case NpzType::text:
+      break;
   }
   throw std::logic_error("a text array has no numbers");
 }
@@ -267,7 +276,8 @@ void NpzReader::parse(std::string_view archive) {
       if (flags & 1) throw Malformed("is encrypted");
       if ((total += size) > kMostBytes) throw Malformed("unpacks to more than 512 MiB");
       if (get<std::uint32_t>(archive, local) != kLocalMark) throw Malformed("does not stand where the directory says");
-      const auto data = slice(archive, std::uint64_t{local} + kLocalSize + get<std::uint16_t>(archive, local + 26) + get<std::uint16_t>(archive, local + 28), packed);
+      const auto data =
+          slice(archive, std::uint64_t{local} + kLocalSize + get<std::uint16_t>(archive, local + 26) + get<std::uint16_t>(archive, local + 28), packed);
       if (method != 0 && method != 8) throw Malformed("is packed by method " + std::to_string(method) + "; use numpy.savez or savez_compressed");
       if (method == 0 && packed != size) throw Malformed("states two sizes");
       // Deflate cannot shrink by more than about 1032 to 1.
@@ -357,13 +367,26 @@ void NpzWriter::add(const std::string& key, NpzType type, std::vector<std::size_
   npy.reserve(npy.size() + count * element_bytes(type));
   for (double v : values) {
     switch (type) {
-      case NpzType::f2: put(npy, half_from_float(static_cast<float>(v))); break;
-      case NpzType::f4: put(npy, static_cast<float>(v)); break;
-      case NpzType::f8: put(npy, v); break;
-      case NpzType::i4: put(npy, static_cast<std::int32_t>(v)); break;
-      case NpzType::i8: put(npy, static_cast<std::int64_t>(v)); break;
-      case NpzType::u1: put(npy, static_cast<std::uint8_t>(v)); break;
-      case NpzType::text: break;
+      case NpzType::f2:
+        put(npy, half_from_float(static_cast<float>(v)));
+        break;
+      case NpzType::f4:
+        put(npy, static_cast<float>(v));
+        break;
+      case NpzType::f8:
+        put(npy, v);
+        break;
+      case NpzType::i4:
+        put(npy, static_cast<std::int32_t>(v));
+        break;
+      case NpzType::i8:
+        put(npy, static_cast<std::int64_t>(v));
+        break;
+      case NpzType::u1:
+        put(npy, static_cast<std::uint8_t>(v));
+        break;
+      case NpzType::text:
+        break;
     }
   }
   members_.emplace_back(key + ".npy", std::move(npy));

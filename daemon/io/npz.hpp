@@ -20,7 +20,7 @@ struct NpzArray {
   std::string bytes;               ///< of numbers
   std::vector<std::string> texts;  ///< of NpzType::text
 
-  std::size_t size() const;        ///< number of elements
+  std::size_t size() const;  ///< number of elements
   /// Element i of a number array as a double.
   double number(std::size_t i) const;
 };
@@ -40,7 +40,9 @@ class NpzReader {
   const NpzArray& array(const std::string& key) const;
   /// Numbers of an array whose shape must be `shape` (0 = any size there). Throws on text, other shapes and values that are not finite.
   std::vector<double> numbers(const std::string& key, std::span<const std::size_t> shape) const;
-  std::vector<double> numbers(const std::string& key, std::initializer_list<std::size_t> shape) const { return numbers(key, std::span(shape.begin(), shape.size())); }
+  std::vector<double> numbers(const std::string& key, std::initializer_list<std::size_t> shape) const {
+    return numbers(key, std::span(shape.begin(), shape.size()));
+  }
   /// Whole numbers in [low, high].
   std::vector<int> integers(const std::string& key, std::initializer_list<std::size_t> shape, long low, long high) const;
   std::vector<std::string> texts(const std::string& key) const;

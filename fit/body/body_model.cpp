@@ -33,7 +33,8 @@ void check(const BodyModelData& d) {
   require(d.faces.minCoeff() >= 0 && d.faces.maxCoeff() < vertices, "f names a vertex that does not exist");
   require(d.mirror_vertex.minCoeff() >= 0 && d.mirror_vertex.maxCoeff() < vertices, "mirror_vertex names a vertex that does not exist");
   require(d.skin_bone.maxCoeff() < kBones, "weights name a bone that does not exist");
-  require(d.skin_weight.minCoeff() >= 0 && ((d.skin_weight.colwise().sum().array() - 1).abs() < 1e-3f).all(), "weights of a vertex are negative or do not sum to 1");
+  require(d.skin_weight.minCoeff() >= 0 && ((d.skin_weight.colwise().sum().array() - 1).abs() < 1e-3f).all(),
+          "weights of a vertex are negative or do not sum to 1");
   require(d.joint_regressor.minCoeff() >= -1e-9 && ((d.joint_regressor.rowwise().sum().array() - 1).abs() < 1e-3).all(),
           "a row of J_regressor is negative or does not sum to 1");
   require(d.rest_pose.head<3>().isZero(), "q_rest has a translation");

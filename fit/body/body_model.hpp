@@ -13,27 +13,27 @@ namespace booth::fit {
 enum class Sex : std::uint8_t { men, women };
 constexpr const char* to_string(Sex s) { return s == Sex::men ? "men" : "women"; }
 
-inline constexpr int kMaxShape = 64;    ///< most shape coefficients a model file may have
-inline constexpr int kSkinBones = 4;    ///< most bones that move one vertex
-using Vertices = Eigen::Matrix3Xf;      ///< 3 x V, metres
-using Faces = Eigen::Matrix3Xi;         ///< 3 x F, counter-clockwise seen from outside
+inline constexpr int kMaxShape = 64;  ///< most shape coefficients a model file may have
+inline constexpr int kSkinBones = 4;  ///< most bones that move one vertex
+using Vertices = Eigen::Matrix3Xf;    ///< 3 x V, metres
+using Faces = Eigen::Matrix3Xi;       ///< 3 x F, counter-clockwise seen from outside
 /// Whitened shape coefficients: each in units of its standard deviation. Fixed capacity, so resizing never allocates.
 using ShapeVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxShape, 1>;
 
 /// Everything that a model file holds; see docs/reference/model-file.md for its keys. Axes are CMU's (y up, z forward, x left); metres.
 struct BodyModelData {
   Sex sex = Sex::men;
-  std::string version;               ///< identifies the training run; published with every body
-  Vertices mean;                     ///< V vertices of the mean body in the A-pose
-  Eigen::MatrixXf directions;        ///< 3V x K; column k moves the vertices (x0 y0 z0 x1 ...) by one standard deviation of coefficient k
-  Eigen::VectorXd explained;         ///< K; cumulative fraction of the training variance explained by the first k+1 components
+  std::string version;         ///< identifies the training run; published with every body
+  Vertices mean;               ///< V vertices of the mean body in the A-pose
+  Eigen::MatrixXf directions;  ///< 3V x K; column k moves the vertices (x0 y0 z0 x1 ...) by one standard deviation of coefficient k
+  Eigen::VectorXd explained;   ///< K; cumulative fraction of the training variance explained by the first k+1 components
   Faces faces;
   Eigen::Matrix<std::uint8_t, kSkinBones, Eigen::Dynamic> skin_bone;
   Eigen::Matrix<float, kSkinBones, Eigen::Dynamic> skin_weight;  ///< >= 0, columns sum to 1; BodyModel sorts them by falling weight; unused entries 0
-  Eigen::MatrixXd joint_regressor;   ///< 24 x V, rows >= 0 and summing to 1
-  PoseVector rest_pose = PoseVector::Zero();  ///< q_rest: the A-pose in CMU angles; translation zero
-  Eigen::VectorXi mirror_vertex;     ///< V; index of the left/right counterpart
-  Eigen::VectorXi landmarks;         ///< vertex of each Landmark of fit/body/measure.hpp; empty when the model cannot be measured
+  Eigen::MatrixXd joint_regressor;                               ///< 24 x V, rows >= 0 and summing to 1
+  PoseVector rest_pose = PoseVector::Zero();                     ///< q_rest: the A-pose in CMU angles; translation zero
+  Eigen::VectorXi mirror_vertex;                                 ///< V; index of the left/right counterpart
+  Eigen::VectorXi landmarks;                                     ///< vertex of each Landmark of fit/body/measure.hpp; empty when the model cannot be measured
 };
 
 /// Immutable and thread-safe after construction.

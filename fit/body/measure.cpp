@@ -15,8 +15,18 @@ struct Description {
   std::string_view name, unit;
 };
 constexpr std::array<Description, kMeasures> kDescriptions{{
-    {"stature", "m"}, {"mass", "kg"}, {"volume", "m^3"}, {"chest_girth", "m"}, {"waist_girth", "m"}, {"buttock_girth", "m"},
-    {"thigh_girth", "m"}, {"calf_girth", "m"}, {"shoulder_breadth", "m"}, {"arm_length", "m"}, {"leg_length", "m"}, {"crotch_height", "m"},
+    {"stature", "m"},
+    {"mass", "kg"},
+    {"volume", "m^3"},
+    {"chest_girth", "m"},
+    {"waist_girth", "m"},
+    {"buttock_girth", "m"},
+    {"thigh_girth", "m"},
+    {"calf_girth", "m"},
+    {"shoulder_breadth", "m"},
+    {"arm_length", "m"},
+    {"leg_length", "m"},
+    {"crotch_height", "m"},
 }};
 
 /// Length of the convex hull of points in a plane (monotone chain). Sorts its argument.
@@ -45,8 +55,10 @@ std::string_view measure_unit(Measure m) { return kDescriptions[static_cast<std:
 
 Measurer::Measurer(const BodyModelData& data) : faces_(data.faces), mirror_(data.mirror_vertex) {
   const auto vertices = data.mean.cols();
-  if (data.landmarks.size() != kLandmarks) throw std::invalid_argument("body model: landmarks has size " + std::to_string(data.landmarks.size()) + ", expected " + std::to_string(kLandmarks));
-  if (data.landmarks.minCoeff() < 0 || data.landmarks.maxCoeff() >= vertices) throw std::invalid_argument("body model: landmarks names a vertex that does not exist");
+  if (data.landmarks.size() != kLandmarks)
+    throw std::invalid_argument("body model: landmarks has size " + std::to_string(data.landmarks.size()) + ", expected " + std::to_string(kLandmarks));
+  if (data.landmarks.minCoeff() < 0 || data.landmarks.maxCoeff() >= vertices)
+    throw std::invalid_argument("body model: landmarks names a vertex that does not exist");
   for (int i = 0; i < kLandmarks; ++i) landmark_[static_cast<std::size_t>(i)] = data.landmarks[i];
 
   std::vector<char> arm(static_cast<std::size_t>(vertices));
@@ -105,7 +117,8 @@ MeasureValues Measurer::measure(const Vertices& rest, const Points3& joints) con
   set(Measure::buttock_girth, girth(rest, trunk_, level(Landmark::buttock)));
   set(Measure::thigh_girth, girth(rest, left_leg_, level(Landmark::crotch) - kGlutealFold));
   double calf = 0;
-  for (double part : {0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45}) calf = std::max(calf, girth(rest, left_leg_, joints(1, knee) + part * (joints(1, ankle) - joints(1, knee))));
+  for (double part : {0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45})
+    calf = std::max(calf, girth(rest, left_leg_, joints(1, knee) + part * (joints(1, ankle) - joints(1, knee))));
   set(Measure::calf_girth, calf);
   set(Measure::shoulder_breadth, (point(Landmark::acromion) - other(Landmark::acromion)).norm());
   set(Measure::arm_length, (point(Landmark::acromion) - joints.col(elbow)).norm() + (joints.col(elbow) - joints.col(wrist)).norm());

@@ -15,17 +15,17 @@ enum class Landmark : int { nipple, navel, buttock, crotch, acromion, trochanter
 inline constexpr int kLandmarks = static_cast<int>(Landmark::count);
 
 enum class Measure : int {
-  stature,             ///< top of the head above the lowest vertex
-  mass,                ///< volume times kBodyDensity
+  stature,  ///< top of the head above the lowest vertex
+  mass,     ///< volume times kBodyDensity
   volume,
-  chest_girth,         ///< horizontal, level of the nipples, without the arms
-  waist_girth,         ///< horizontal, level of the navel (omphalion)
-  buttock_girth,       ///< horizontal, level of the buttocks' greatest protrusion
-  thigh_girth,         ///< horizontal, left thigh at the gluteal fold, 2.5 cm below the crotch
-  calf_girth,          ///< horizontal, greatest of the left calf
-  shoulder_breadth,    ///< between the acromia
-  arm_length,          ///< left acromion to elbow to wrist
-  leg_length,          ///< left trochanterion above the lowest vertex
+  chest_girth,       ///< horizontal, level of the nipples, without the arms
+  waist_girth,       ///< horizontal, level of the navel (omphalion)
+  buttock_girth,     ///< horizontal, level of the buttocks' greatest protrusion
+  thigh_girth,       ///< horizontal, left thigh at the gluteal fold, 2.5 cm below the crotch
+  calf_girth,        ///< horizontal, greatest of the left calf
+  shoulder_breadth,  ///< between the acromia
+  arm_length,        ///< left acromion to elbow to wrist
+  leg_length,        ///< left trochanterion above the lowest vertex
   crotch_height,
   count
 };

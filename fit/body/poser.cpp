@@ -13,8 +13,8 @@ namespace booth::fit {
 namespace {
 
 /// Sums the bones' 3 x 4 matrices of one vertex. Each of the 12 lanes by itself: the same bits for any vector width.
-inline void blend(const std::array<std::array<float, 12>, kBones>& transform, const std::array<std::uint8_t, kSkinBones>& bone, const std::array<float, kSkinBones>& weight,
-                  float* m) {
+inline void blend(const std::array<std::array<float, 12>, kBones>& transform, const std::array<std::uint8_t, kSkinBones>& bone,
+                  const std::array<float, kSkinBones>& weight, float* m) {
   const float* t0 = transform[bone[0]].data();
   for (int j = 0; j < 12; ++j) m[j] = weight[0] * t0[j];
   for (int k = 1; k < kSkinBones && weight[k] > 0; ++k) {
@@ -26,7 +26,10 @@ inline void blend(const std::array<std::array<float, 12>, kBones>& transform, co
 }  // namespace
 
 Poser::Poser(const BodyModel& model, int shape_count, int vertex_count)
-    : model_(&model), shape_count_(std::min(shape_count, model.shape_count())), vertex_(spread_vertices(model, vertex_count)), shape_stride_((shape_count_ + 7) / 8 * 8) {
+    : model_(&model),
+      shape_count_(std::min(shape_count, model.shape_count())),
+      vertex_(spread_vertices(model, vertex_count)),
+      shape_stride_((shape_count_ + 7) / 8 * 8) {
   const std::size_t n = vertex_.size();
   for (auto* a : {&x, &y, &z, &nx, &ny, &nz}) a->resize(n);
   bone_.resize(n);

@@ -50,18 +50,18 @@ class Poser {
   const BodyModel* model_;
   int shape_count_;
   std::vector<int> vertex_;
-  Vertices shaped_, shaped_normals_;                            ///< of the whole model
-  std::vector<float> rest_, rest_normals_;                      ///< of the poser's vertices, x y z x y z ...
+  Vertices shaped_, shaped_normals_;        ///< of the whole model
+  std::vector<float> rest_, rest_normals_;  ///< of the poser's vertices, x y z x y z ...
   Points3 rest_joints_, bone_vectors_;
   Kinematics kinematics_;
-  std::array<std::array<float, 12>, kBones> transform_;         ///< per bone, row-major 3 x 4: rest -> posed
-  std::array<Eigen::Vector3f, kDofs> axis_, moment_;            ///< axis_k and axis_k x pivot_k
-  std::vector<std::array<std::uint8_t, kSkinBones>> bone_;      ///< by falling weight
+  std::array<std::array<float, 12>, kBones> transform_;     ///< per bone, row-major 3 x 4: rest -> posed
+  std::array<Eigen::Vector3f, kDofs> axis_, moment_;        ///< axis_k and axis_k x pivot_k
+  std::vector<std::array<std::uint8_t, kSkinBones>> bone_;  ///< by falling weight
   std::vector<std::array<float, kSkinBones>> weight_;
-  std::vector<float> directions_;                               ///< per vertex: 3 blocks (x, y, z) of shape_stride_ floats
+  std::vector<float> directions_;  ///< per vertex: 3 blocks (x, y, z) of shape_stride_ floats
   int shape_stride_;
-  std::vector<float> bone_shape_;                               ///< per bone: 3 blocks of shape_stride_: d(P_b - A_b J_b)/dbeta
-  std::vector<Points3> joint_shape_;                            ///< per coefficient: d joint / dbeta, posed
+  std::vector<float> bone_shape_;     ///< per bone: 3 blocks of shape_stride_: d(P_b - A_b J_b)/dbeta
+  std::vector<Points3> joint_shape_;  ///< per coefficient: d joint / dbeta, posed
 };
 
 }  // namespace booth::fit

@@ -38,21 +38,19 @@ constexpr std::array<Bone, kBones> kBoneTable{{
 }};
 
 constexpr std::array<std::array<double, 3>, kBones> kAverageVectors{{
-    {0.000000, 0.000000, 0.000000},   {0.089178, -0.099169, 0.041838},  {0.137337, -0.377330, 0.000000},
-    {0.146438, -0.402335, 0.000000},  {0.009731, -0.026711, 0.113782},  {-0.000002, -0.000001, 0.058993},
-    {-0.089178, -0.099169, 0.041838}, {-0.137337, -0.377330, 0.000000}, {-0.146438, -0.402335, 0.000000},
-    {-0.009731, -0.026711, 0.113782}, {0.000002, -0.000001, 0.058993},  {0.000000, 0.050827, -0.003931},
-    {0.000000, 0.298035, -0.002466},  {0.180284, 0.064964, -0.008808},  {0.292819, -0.000004, -0.000007},
-    {0.280160, 0.000000, 0.000000},   {0.037440, 0.000000, 0.000000},   {-0.180284, 0.064964, -0.008808},
-    {-0.292819, -0.000004, -0.000007},{-0.280160, 0.000000, 0.000000},  {-0.037440, 0.000000, 0.000000},
-    {0.000000, 0.047778, 0.004143},   {0.000000, 0.142478, -0.009522},  {0.000000, 0.098235, -0.005735},
+    {0.000000, 0.000000, 0.000000},   {0.089178, -0.099169, 0.041838},  {0.137337, -0.377330, 0.000000},   {0.146438, -0.402335, 0.000000},
+    {0.009731, -0.026711, 0.113782},  {-0.000002, -0.000001, 0.058993}, {-0.089178, -0.099169, 0.041838},  {-0.137337, -0.377330, 0.000000},
+    {-0.146438, -0.402335, 0.000000}, {-0.009731, -0.026711, 0.113782}, {0.000002, -0.000001, 0.058993},   {0.000000, 0.050827, -0.003931},
+    {0.000000, 0.298035, -0.002466},  {0.180284, 0.064964, -0.008808},  {0.292819, -0.000004, -0.000007},  {0.280160, 0.000000, 0.000000},
+    {0.037440, 0.000000, 0.000000},   {-0.180284, 0.064964, -0.008808}, {-0.292819, -0.000004, -0.000007}, {-0.280160, 0.000000, 0.000000},
+    {-0.037440, 0.000000, 0.000000},  {0.000000, 0.047778, 0.004143},   {0.000000, 0.142478, -0.009522},   {0.000000, 0.098235, -0.005735},
 }};
 
 constexpr std::array<std::string_view, kDofs> kDofNames{
-    "root_tx",      "root_ty",      "root_tz",      "root_rx",      "root_ry",      "root_rz",   "upperback_rx", "upperback_ry", "upperback_rz",
-    "lclavicle_ry", "lclavicle_rz", "lhumerus_rx",  "lhumerus_ry",  "lhumerus_rz",  "lradius_rx", "rclavicle_ry", "rclavicle_rz", "rhumerus_rx",
-    "rhumerus_ry",  "rhumerus_rz",  "rradius_rx",   "neck_rx",      "neck_rz",      "head_ry",   "lfemur_rx",    "lfemur_ry",    "lfemur_rz",
-    "ltibia_rx",    "lfoot_rx",     "lfoot_rz",     "rfemur_rx",    "rfemur_ry",    "rfemur_rz", "rtibia_rx",    "rfoot_rx",     "rfoot_rz"};
+    "root_tx",      "root_ty",      "root_tz",     "root_rx",     "root_ry",     "root_rz",    "upperback_rx", "upperback_ry", "upperback_rz",
+    "lclavicle_ry", "lclavicle_rz", "lhumerus_rx", "lhumerus_ry", "lhumerus_rz", "lradius_rx", "rclavicle_ry", "rclavicle_rz", "rhumerus_rx",
+    "rhumerus_ry",  "rhumerus_rz",  "rradius_rx",  "neck_rx",     "neck_rz",     "head_ry",    "lfemur_rx",    "lfemur_ry",    "lfemur_rz",
+    "ltibia_rx",    "lfoot_rx",     "lfoot_rz",    "rfemur_rx",   "rfemur_ry",   "rfemur_rz",  "rtibia_rx",    "rfoot_rx",     "rfoot_rz"};
 
 // Entries whose sign changes in a mirror: sideways translation, and every rotation about the up or forward axis.
 constexpr std::array<int, 21> kMirrorNegated{0, 4, 5, 7, 8, 22, 23, 9, 10, 12, 13, 15, 16, 18, 19, 25, 26, 29, 31, 32, 35};

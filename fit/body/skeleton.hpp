@@ -9,22 +9,22 @@
 
 namespace booth::fit {
 
-inline constexpr int kDofs = 36;       ///< length of q
-inline constexpr int kRootDofs = 6;    ///< q[0..5]: translation (m) and heading, pitch, roll (rad)
-inline constexpr int kPoseDofs = 30;   ///< q[6..35], the joint angles that have a prior
+inline constexpr int kDofs = 36;      ///< length of q
+inline constexpr int kRootDofs = 6;   ///< q[0..5]: translation (m) and heading, pitch, roll (rad)
+inline constexpr int kPoseDofs = 30;  ///< q[6..35], the joint angles that have a prior
 inline constexpr int kBones = 24;
-inline constexpr int kJoints = kBones; ///< joint b is the END of bone b; joint 0 is the root itself
+inline constexpr int kJoints = kBones;  ///< joint b is the END of bone b; joint 0 is the root itself
 
 using PoseVector = Eigen::Matrix<double, kDofs, 1>;
 using Points3 = Eigen::Matrix<double, 3, kBones>;
 
 /// One bone of the CMU skeleton with the degrees of freedom that the paper keeps.
 struct Bone {
-  std::string_view name;       ///< CMU's ASF name
-  std::string_view end_joint;  ///< name of the point at the bone's end
-  int parent;                  ///< index of the parent bone, -1 for the root; parents stand before children
+  std::string_view name;           ///< CMU's ASF name
+  std::string_view end_joint;      ///< name of the point at the bone's end
+  int parent;                      ///< index of the parent bone, -1 for the root; parents stand before children
   std::array<double, 3> axis_deg;  ///< ASF axis: C = Z(z) Y(y) X(x)
-  std::array<int, 3> dof;      ///< q index of rx, ry, rz; -1 where the bone does not turn
+  std::array<int, 3> dof;          ///< q index of rx, ry, rz; -1 where the bone does not turn
 };
 
 /// In the row order of the CMU average skeleton (docs/reference/skeleton.md).

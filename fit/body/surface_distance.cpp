@@ -26,7 +26,8 @@ float triangle_distance(const Eigen::Vector3f& p, const Eigen::Vector3f& a, cons
 }
 
 SurfaceDistance::SurfaceDistance(const Faces& faces, int vertex_count) : faces_(faces), grid_(vertex_count) {
-  if (faces.cols() == 0 || faces.minCoeff() < 0 || faces.maxCoeff() >= vertex_count) throw std::invalid_argument("surface: a face names a vertex that does not exist");
+  if (faces.cols() == 0 || faces.minCoeff() < 0 || faces.maxCoeff() >= vertex_count)
+    throw std::invalid_argument("surface: a face names a vertex that does not exist");
   first_face_.assign(static_cast<std::size_t>(vertex_count) + 1, 0);
   for (const int v : faces_.reshaped()) ++first_face_[static_cast<std::size_t>(v) + 1];
   for (std::size_t v = 1; v < first_face_.size(); ++v) first_face_[v] += first_face_[v - 1];
@@ -52,7 +53,8 @@ float SurfaceDistance::distance(const Eigen::Vector3f& p) const {
   if (nearest < 0) nearest = grid_.nearest(p, std::numeric_limits<float>::max());
   float best = (vertices_.col(nearest) - p).norm();
   const auto around = [&](int v, auto&& visit) {
-    for (int i = first_face_[static_cast<std::size_t>(v)]; i < first_face_[static_cast<std::size_t>(v) + 1]; ++i) visit(face_of_vertex_[static_cast<std::size_t>(i)]);
+    for (int i = first_face_[static_cast<std::size_t>(v)]; i < first_face_[static_cast<std::size_t>(v) + 1]; ++i)
+      visit(face_of_vertex_[static_cast<std::size_t>(i)]);
   };
   around(nearest, [&](int f) {
     for (int i = 0; i < 3; ++i)

@@ -39,7 +39,7 @@ class PaperEnergy {
   int shape_count_, count_;
   // Groups of kLane vertices; within a group [coordinate or coefficient][lane], contiguous, so that a particle streams through memory once.
   static constexpr int kLane = 16;
-  std::vector<float> shape_;    ///< per group: mean x, y, z and normal x, y, z, then for each coefficient the same six; kLane floats each
+  std::vector<float> shape_;  ///< per group: mean x, y, z and normal x, y, z, then for each coefficient the same six; kLane floats each
   std::vector<std::uint8_t> bone_;
   std::vector<float> weight_;
   const Cloud* cloud_ = nullptr;

@@ -22,16 +22,16 @@ struct Robust {
   float cost(float r2) const { return r2 / (1 + r2 / scale2); }
 };
 
-constexpr float kFreeSpaceMargin = 0.03f;    // m before the measured surface that noise and thickness of clothes may take
-constexpr float kBackgroundMargin = 0.05f;   // m
-constexpr float kSilhouetteMargin = 2.0f;    // pixels that an eroded outline may lack
-constexpr float kFreeSpaceScale = 0.15f;     // m; robust scale of free-space residuals
-constexpr float kFloorScale = 0.05f;         // m
-constexpr float kNormalGate = 0.2f;          // cosine between a point's and a vertex's normal
+constexpr float kFreeSpaceMargin = 0.03f;   // m before the measured surface that noise and thickness of clothes may take
+constexpr float kBackgroundMargin = 0.05f;  // m
+constexpr float kSilhouetteMargin = 2.0f;   // pixels that an eroded outline may lack
+constexpr float kFreeSpaceScale = 0.15f;    // m; robust scale of free-space residuals
+constexpr float kFloorScale = 0.05f;        // m
+constexpr float kNormalGate = 0.2f;         // cosine between a point's and a vertex's normal
 constexpr double kFirstDamping = 1e-3, kMostDamping = 1e6;
 constexpr double kLongestTurn = 0.35, kLongestMove = 0.15, kLongestShape = 1.0;  // of one step: rad, m, standard deviations
-constexpr double kConverged = 2e-4;          // no unknown moves more: rad, m, standard deviations
-constexpr double kNoGain = 2e-4;             // of the energy that a step must take off to be worth another
+constexpr double kConverged = 2e-4;                                              // no unknown moves more: rad, m, standard deviations
+constexpr double kNoGain = 2e-4;                                                 // of the energy that a step must take off to be worth another
 
 /// How much of `step` may be taken at once.
 double step_fraction(const UnknownVector& step) {
@@ -68,7 +68,8 @@ Refiner::Refiner(const BodyModel& model, const PosePrior& prior, RefinerSize siz
 
 std::size_t Refiner::memory_bytes() const {
   const auto vertices = static_cast<std::size_t>(poser_.size()), shape = static_cast<std::size_t>(poser_.shape_count());
-  return sizeof(*this) + vertices * (12 + 3 * shape + 4) * sizeof(float) + portions_.size() * (sizeof(Portion) + 2 * kMaxUnknowns * kMaxUnknowns * sizeof(float));
+  return sizeof(*this) + vertices * (12 + 3 * shape + 4) * sizeof(float) +
+         portions_.size() * (sizeof(Portion) + 2 * kMaxUnknowns * kMaxUnknowns * sizeof(float));
 }
 
 void Refiner::collect(const Problem& problem, int portion) {
@@ -264,7 +265,8 @@ void Refiner::fill_cloud_grid(const Cloud& cloud) {
   const int count = std::min<int>(cloud.size, cloud_grid_.capacity());
   for (int s = 0; s < count; ++s) {
     const auto i = static_cast<std::size_t>(static_cast<std::int64_t>(s) * cloud.size / count), o = static_cast<std::size_t>(s);
-    for (auto [to, from] : {std::pair{&thin_.x, &cloud.x}, {&thin_.y, &cloud.y}, {&thin_.z, &cloud.z}, {&thin_.nx, &cloud.nx}, {&thin_.ny, &cloud.ny}, {&thin_.nz, &cloud.nz}})
+    for (auto [to, from] :
+         {std::pair{&thin_.x, &cloud.x}, {&thin_.y, &cloud.y}, {&thin_.z, &cloud.z}, {&thin_.nx, &cloud.nx}, {&thin_.ny, &cloud.ny}, {&thin_.nz, &cloud.nz}})
       (*to)[o] = (*from)[i];
   }
   thin_.size = count;
@@ -281,8 +283,16 @@ void Refiner::place(const PoseVector& q, const ShapeVector& beta) {
 
 RefineReport Refiner::refine(const Observation& observation, const RefineWeights& weights, const RefineSchedule& schedule, const PoseBelief& pose_belief,
                              const ShapeBelief& shape_belief, const Vertices* velocity, PoseVector& q, ShapeVector& beta) {
-  Problem problem{observation, weights, schedule, pose_belief, shape_belief, velocity, {}, std::min(schedule.cloud_samples, observation.cloud.size),
-                  std::min(schedule.model_samples, model_samples_), 0};
+  Problem problem{observation,
+                  weights,
+                  schedule,
+                  pose_belief,
+                  shape_belief,
+                  velocity,
+                  {},
+                  std::min(schedule.cloud_samples, observation.cloud.size),
+                  std::min(schedule.model_samples, model_samples_),
+                  0};
   for (const View& view : observation.views) problem.valid_views += view.valid;
   const int unknowns = kDofs + (schedule.shape ? shape_count() : 0);
 

@@ -27,36 +27,36 @@ struct ShapeBelief {
 
 /// Relative trust in the terms; data are in units of independent measurements of standard deviation `sigma`.
 struct RefineWeights {
-  double sigma = 0.01;               ///< m, of one measured point's distance to the surface
-  double effective_points = 600;     ///< how many independent measurements the whole cloud counts as
-  double model_to_cloud = 200;       ///< independent measurements that the model's vertices count as, where schedule.model_to_cloud
-  double tangential = 0.05;          ///< weight of point-to-point against point-to-plane
-  double free_space = 200;           ///< independent measurements that the model's free-space and silhouette evidence counts as
-  double floor = 50;                 ///< and the floor
-  double pose_outside = 25;          ///< 1 / rad^2, distance from the prior's subspace
-  double pose_inside = 0.3;          ///< Mahalanobis distance inside it
-  double limits = 100;               ///< 1 / rad^2 beyond a joint limit
-  double bone = 4e4;                 ///< 1 / m^2, left against right limb segments
+  double sigma = 0.01;            ///< m, of one measured point's distance to the surface
+  double effective_points = 600;  ///< how many independent measurements the whole cloud counts as
+  double model_to_cloud = 200;    ///< independent measurements that the model's vertices count as, where schedule.model_to_cloud
+  double tangential = 0.05;       ///< weight of point-to-point against point-to-plane
+  double free_space = 200;        ///< independent measurements that the model's free-space and silhouette evidence counts as
+  double floor = 50;              ///< and the floor
+  double pose_outside = 25;       ///< 1 / rad^2, distance from the prior's subspace
+  double pose_inside = 0.3;       ///< Mahalanobis distance inside it
+  double limits = 100;            ///< 1 / rad^2 beyond a joint limit
+  double bone = 4e4;              ///< 1 / m^2, left against right limb segments
 };
 
 struct RefineSchedule {
   int cloud_samples = 1500;
   int model_samples = 600;
-  bool model_to_cloud = false;       ///< for clouds without views: vertices also look for the cloud
-  bool shape = true;                 ///< false: the shape is held
+  bool model_to_cloud = false;  ///< for clouds without views: vertices also look for the cloud
+  bool shape = true;            ///< false: the shape is held
   struct Stage {
     int iterations;
-    float robust;                    ///< m; residuals much larger than this lose their say
-    float reach;                     ///< m; how far a correspondence may be
+    float robust;  ///< m; residuals much larger than this lose their say
+    float reach;   ///< m; how far a correspondence may be
   };
   std::vector<Stage> stages;
 };
 
 struct RefineReport {
-  double energy = 0;                 ///< at the solution, last stage's robust scale, without the priors' constant parts
-  double evidence = 0;               ///< the part of the energy that is not priors: cloud, images, floor
-  double data = 0;                   ///< robust mean of the cloud's squared distance / robust^2: 0 = all explained, 1 = nothing
-  double free_space = 0;             ///< fraction of the tested model samples that stand in free space
+  double energy = 0;      ///< at the solution, last stage's robust scale, without the priors' constant parts
+  double evidence = 0;    ///< the part of the energy that is not priors: cloud, images, floor
+  double data = 0;        ///< robust mean of the cloud's squared distance / robust^2: 0 = all explained, 1 = nothing
+  double free_space = 0;  ///< fraction of the tested model samples that stand in free space
   int iterations = 0;
 };
 
@@ -73,8 +73,8 @@ class Refiner {
 
   /// Moves q and beta (size shape_count()) to the nearest minimum. `velocity`, m/s per vertex, may be null: where cameras saw the person at
   /// other times than the reference instant, vertices are compared where they were then.
-  RefineReport refine(const Observation& observation, const RefineWeights& weights, const RefineSchedule& schedule, const PoseBelief& pose_belief, const ShapeBelief& shape_belief,
-                      const Vertices* velocity, PoseVector& q, ShapeVector& beta);
+  RefineReport refine(const Observation& observation, const RefineWeights& weights, const RefineSchedule& schedule, const PoseBelief& pose_belief,
+                      const ShapeBelief& shape_belief, const Vertices* velocity, PoseVector& q, ShapeVector& beta);
 
   int shape_count() const { return poser_.shape_count(); }
   /// State at the solution of the last refine().

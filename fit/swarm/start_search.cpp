@@ -12,17 +12,18 @@
 namespace booth::fit {
 namespace {
 
-constexpr float kCutoff2 = 0.25f * 0.25f;    // m^2; further away is just wrong
-constexpr float kNormalCost = 0.02f;         // m^2 for a right angle between the normals
-constexpr float kSameCandidate = 0.10f;      // m, root mean square of the samples: refining both would find the same minimum
+constexpr float kCutoff2 = 0.25f * 0.25f;  // m^2; further away is just wrong
+constexpr float kNormalCost = 0.02f;       // m^2 for a right angle between the normals
+constexpr float kSameCandidate = 0.10f;    // m, root mean square of the samples: refining both would find the same minimum
 constexpr int kTasks = 32;
-constexpr float kNotWorse = 1.01f;            // of the cost, so much may a limb's new angles leave: refinement decides
-constexpr double kOtherPose = 0.3;            // rad; angles closer than this (largest difference) refine to the same
+constexpr float kNotWorse = 1.01f;                          // of the cost, so much may a limb's new angles leave: refinement decides
+constexpr double kOtherPose = 0.3;                          // rad; angles closer than this (largest difference) refine to the same
 constexpr std::array<int, 4> kLimbFirstDof{9, 15, 24, 30};  // clavicle to forearm, hip to foot; six angles each
 
 /// For each cloud point the least cost to any vertex; each vertex's least cost in `column`.
-BOOTH_KERNEL void pair_costs(const float* ax, const float* ay, const float* az, const float* anx, const float* any, const float* anz, int na, const float* bx, const float* by,
-                             const float* bz, const float* bnx, const float* bny, const float* bnz, int nb, float* row_min, float* column_min) {
+BOOTH_KERNEL void pair_costs(const float* ax, const float* ay, const float* az, const float* anx, const float* any, const float* anz, int na, const float* bx,
+                             const float* by, const float* bz, const float* bnx, const float* bny, const float* bnz, int nb, float* row_min,
+                             float* column_min) {
   for (int j = 0; j < nb; ++j) column_min[j] = kCutoff2;
   float cost[StartSearch::kLimbSamples];
   for (int i = 0; i < na; ++i) {
@@ -46,7 +47,12 @@ BOOTH_KERNEL void pair_costs(const float* ax, const float* ay, const float* az, 
 }  // namespace
 
 StartSearch::StartSearch(const BodyModel& model, const PosePrior& prior, WorkerPool& pool)
-    : prior_(prior), pool_(pool), poser_(model, model.shape_count(), kSamples), limb_poser_(model, model.shape_count(), kLimbSamples), samples_(poser_.size() / 16 * 16), limb_samples_(limb_poser_.size() / 16 * 16) {
+    : prior_(prior),
+      pool_(pool),
+      poser_(model, model.shape_count(), kSamples),
+      limb_poser_(model, model.shape_count(), kLimbSamples),
+      samples_(poser_.size() / 16 * 16),
+      limb_samples_(limb_poser_.size() / 16 * 16) {
   const auto count = static_cast<std::size_t>(prior.exemplars.cols());
   const auto make = [] {
     Sample s;
@@ -86,11 +92,11 @@ void StartSearch::set_shape(const ShapeVector& beta) {
 
 float StartSearch::score(const Sample& body) const { return score(body.x, body.y, body.z, body.nx, body.ny, body.nz, samples_); }
 
-float StartSearch::score(const std::vector<float>& x, const std::vector<float>& y, const std::vector<float>& z, const std::vector<float>& nx, const std::vector<float>& ny,
-                         const std::vector<float>& nz, int count) const {
+float StartSearch::score(const std::vector<float>& x, const std::vector<float>& y, const std::vector<float>& z, const std::vector<float>& nx,
+                         const std::vector<float>& ny, const std::vector<float>& nz, int count) const {
   float row[kLimbSamples], column[kLimbSamples];
-  pair_costs(cloud_.x.data(), cloud_.y.data(), cloud_.z.data(), cloud_.nx.data(), cloud_.ny.data(), cloud_.nz.data(), cloud_samples_, x.data(), y.data(), z.data(), nx.data(),
-             ny.data(), nz.data(), count, row, column);
+  pair_costs(cloud_.x.data(), cloud_.y.data(), cloud_.z.data(), cloud_.nx.data(), cloud_.ny.data(), cloud_.nz.data(), cloud_samples_, x.data(), y.data(),
+             z.data(), nx.data(), ny.data(), nz.data(), count, row, column);
   float unexplained = 0, unseen = 0;
   for (int i = 0; i < cloud_samples_; ++i) unexplained += row[i];
   for (int j = 0; j < count; ++j) unseen += column[j];

@@ -22,8 +22,8 @@ struct StartCandidate {
 class StartSearch {
  public:
   static constexpr int kHeadings = 12;
-  static constexpr int kSamples = 128;       ///< vertices and cloud points that a whole pose is judged by
-  static constexpr int kLimbSamples = 256;   ///< and a limb, which is a small part of them
+  static constexpr int kSamples = 128;      ///< vertices and cloud points that a whole pose is judged by
+  static constexpr int kLimbSamples = 256;  ///< and a limb, which is a small part of them
 
   StartSearch(const BodyModel& model, const PosePrior& prior, WorkerPool& pool);
 
@@ -52,15 +52,15 @@ class StartSearch {
   Poser poser_, limb_poser_;
   ShapeVector limb_shape_;
   int samples_, limb_samples_;
-  std::vector<Sample> exemplar_;        ///< each exemplar posed at heading zero, horizontal centre of its samples at the origin
-  std::vector<Eigen::Vector2f> centre_; ///< (x, z) of the samples' centre from the root
-  std::vector<float> low_;              ///< lowest sample, m
+  std::vector<Sample> exemplar_;         ///< each exemplar posed at heading zero, horizontal centre of its samples at the origin
+  std::vector<Eigen::Vector2f> centre_;  ///< (x, z) of the samples' centre from the root
+  std::vector<float> low_;               ///< lowest sample, m
   Sample cloud_;
   int cloud_samples_ = 0;
   std::vector<StartCandidate> candidates_;
   std::vector<int> order_;
   std::vector<std::pair<float, int>> limb_order_;  ///< cost and exemplar
-  std::vector<Sample> chosen_, work_;   ///< accepted candidates; one scratch sample for each task
+  std::vector<Sample> chosen_, work_;              ///< accepted candidates; one scratch sample for each task
 };
 
 }  // namespace booth::fit

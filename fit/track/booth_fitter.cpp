@@ -8,21 +8,21 @@
 namespace booth::fit {
 namespace {
 
-constexpr int kShapeCount = 24;        // coefficients that preset booth follows
-constexpr int kBatch = 14;             // candidates that get a first refinement together
-constexpr int kBatches = 3;            // of them at most: the next is tried only when the best so far does not convince
+constexpr int kShapeCount = 24;  // coefficients that preset booth follows
+constexpr int kBatch = 14;       // candidates that get a first refinement together
+constexpr int kBatches = 3;      // of them at most: the next is tried only when the best so far does not convince
 constexpr double kConvincingData = 0.07, kConvincingFreeSpace = 0.03;
-constexpr double kLimbGain = 0.98;     // share of the evidence's energy that a replaced limb may leave
-constexpr double kFreshGain = 0.8;     // and a fresh start
-constexpr double kPatience = 0.5;      // seconds of doubt before a fresh start is tried, and between two of them
-constexpr double kLearnableData = 0.3; // the shape is not learnt from frames that are explained worse
-constexpr int kFewestPoints = 200;     // fewer are no person
-constexpr double kLostData = 0.55;     // robust residual above which the model does not explain the cloud
+constexpr double kLimbGain = 0.98;      // share of the evidence's energy that a replaced limb may leave
+constexpr double kFreshGain = 0.8;      // and a fresh start
+constexpr double kPatience = 0.5;       // seconds of doubt before a fresh start is tried, and between two of them
+constexpr double kLearnableData = 0.3;  // the shape is not learnt from frames that are explained worse
+constexpr int kFewestPoints = 200;      // fewer are no person
+constexpr double kLostData = 0.55;      // robust residual above which the model does not explain the cloud
 constexpr double kLostFreeSpace = 0.45;
-constexpr double kVelocityMemory = 0.4;      // share of the old velocity in the new
-constexpr double kPredictionShare = 0.8;     // of the velocity that is trusted for one frame
-constexpr double kShapeFrameTrust = 0.25;    // frames 1/30 s apart are not independent looks at the body
-constexpr double kMostShapeFrames = 60;      // the belief never weighs more than so many frames: it stays correctable
+constexpr double kVelocityMemory = 0.4;    // share of the old velocity in the new
+constexpr double kPredictionShare = 0.8;   // of the velocity that is trusted for one frame
+constexpr double kShapeFrameTrust = 0.25;  // frames 1/30 s apart are not independent looks at the body
+constexpr double kMostShapeFrames = 60;    // the belief never weighs more than so many frames: it stays correctable
 
 }  // namespace
 
@@ -73,7 +73,8 @@ bool BoothFitter::accepted(const RefineReport& report, const Observation& observ
   return observation.cloud.size >= kFewestPoints && report.data < kLostData && report.free_space < kLostFreeSpace;
 }
 
-void BoothFitter::refine_fine(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity, Solution& solution) {
+void BoothFitter::refine_fine(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity,
+                              Solution& solution) {
   solution.report = fine_.refine(observation, weights_, schedule, belief, belief_, velocity, solution.q, solution.beta);
   solution.iterations += solution.report.iterations;
   solution.found = accepted(solution.report, observation);
@@ -175,7 +176,8 @@ void BoothFitter::learn_shape(const Solution& solution) {
   ++shape_frames_;
 }
 
-void BoothFitter::find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity, Solution& solution) {
+void BoothFitter::find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity,
+                                  Solution& solution) {
   std::array<PoseVector, StartSearch::kLimbs * StartSearch::kPerLimb> poses;
   const int count = search_.propose_limbs(observation, solution.beta, solution.q, poses);
   if (count == 0) return;

@@ -12,9 +12,9 @@
 namespace booth::fit {
 namespace {
 
-constexpr float kFar = 0.5f;          // m; beyond, a point does not belong to the body at all
-constexpr float kExplained = 0.04f;   // m; a vertex with a cloud point so near was seen
-constexpr int kSeenPoints = 4;        // of 2,000 on a joint's bones make it seen
+constexpr float kFar = 0.5f;         // m; beyond, a point does not belong to the body at all
+constexpr float kExplained = 0.04f;  // m; a vertex with a cloud point so near was seen
+constexpr int kSeenPoints = 4;       // of 2,000 on a joint's bones make it seen
 
 DistanceStatistics statistics(std::vector<float>& values, int count) {
   DistanceStatistics s;
@@ -31,7 +31,11 @@ DistanceStatistics statistics(std::vector<float>& values, int count) {
 }  // namespace
 
 Diagnostics::Diagnostics(const BodyModel& model)
-    : model_(model), poser_(model, model.shape_count(), model.vertex_count()), body_(model.vertex_count()), cloud_(kSamples), vertices_(3, model.vertex_count()) {
+    : model_(model),
+      poser_(model, model.shape_count(), model.vertex_count()),
+      body_(model.vertex_count()),
+      cloud_(kSamples),
+      vertices_(3, model.vertex_count()) {
   for (auto* a : {&distance_, &x_, &y_, &z_, &nx_, &ny_, &nz_}) a->resize(kSamples);
 }
 
@@ -60,7 +64,9 @@ void Diagnostics::describe(const Observation& observation, bool exact, FitResult
       const float along = difference.dot(poser_.normal(v));
       const float across2 = difference.squaredNorm() - along * along;
       // The tangent plane is as good as the surface within a vertex's own patch.
-      distance = surface ? surface->distance(p) : across2 < 0.015f * 0.015f ? std::abs(along) : std::min(difference.norm(), std::sqrt(along * along + across2 * 0.25f));
+      distance = surface                     ? surface->distance(p)
+                 : across2 < 0.015f * 0.015f ? std::abs(along)
+                                             : std::min(difference.norm(), std::sqrt(along * along + across2 * 0.25f));
       if (distance < kExplained) ++seen[static_cast<std::size_t>(poser_.main_bone(v))];
     }
     distance_[o] = distance;
@@ -71,7 +77,8 @@ void Diagnostics::describe(const Observation& observation, bool exact, FitResult
     int points = seen[static_cast<std::size_t>(j)];
     for (int b = 1; b < kBones; ++b)
       if (bones()[b].parent == j) points += seen[static_cast<std::size_t>(b)];
-    if (j > 0 && dof_mask(j) == dof_mask(bones()[j].parent)) points += seen[static_cast<std::size_t>(bones()[j].parent)];  // a bone that does not turn moves with its parent
+    if (j > 0 && dof_mask(j) == dof_mask(bones()[j].parent))
+      points += seen[static_cast<std::size_t>(bones()[j].parent)];  // a bone that does not turn moves with its parent
     result.visibility[static_cast<std::size_t>(j)] = points >= kSeenPoints ? JointVisibility::seen : JointVisibility::inferred;
   }
 

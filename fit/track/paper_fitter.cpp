@@ -8,10 +8,10 @@ namespace booth::fit {
 namespace {
 
 constexpr int kHeadings = 8;
-constexpr float kMoveDeviation = 0.10f;  // m
-constexpr float kTurnDeviation = 0.20f;  // rad, root
+constexpr float kMoveDeviation = 0.10f;                                     // m
+constexpr float kTurnDeviation = 0.20f;                                     // rad, root
 constexpr float kEightHeadings = static_cast<float>(std::numbers::pi) / 8;  // half the way to the neighbouring start
-constexpr double kLostDistance = 150;    // mm of point distance a vertex, above which the swarm has not found the person
+constexpr double kLostDistance = 150;                                       // mm of point distance a vertex, above which the swarm has not found the person
 
 }  // namespace
 

@@ -13,7 +13,7 @@ namespace booth::fit {
 /// Allocates in the constructor only. One thread calls at a time.
 class PaperFitter {
  public:
-  static constexpr int kShapeCount = 15;    ///< 36 + 15 = the paper's 51 unknowns
+  static constexpr int kShapeCount = 15;  ///< 36 + 15 = the paper's 51 unknowns
   static constexpr int kVertices = 1024;
 
   PaperFitter(const BodyModel& model, const PosePrior& prior, WorkerPool& pool);

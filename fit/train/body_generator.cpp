@@ -8,20 +8,62 @@
 namespace booth::fit::train {
 namespace {
 
-constexpr std::array<std::string_view, 25> kFactors{
-    "male",      "female",        "young",     "old",       "caucasian",     "asian",     "african",   "minmuscle",   "averagemuscle",
-    "maxmuscle", "minweight",     "averageweight", "maxweight", "minheight", "averageheight", "maxheight", "mincup", "averagecup",
-    "maxcup",    "minfirmness",   "averagefirmness", "maxfirmness", "uncommonproportions", "regularproportions", "idealproportions"};
+constexpr std::array<std::string_view, 25> kFactors{"male",
+                                                    "female",
+                                                    "young",
+                                                    "old",
+                                                    "caucasian",
+                                                    "asian",
+                                                    "african",
+                                                    "minmuscle",
+                                                    "averagemuscle",
+                                                    "maxmuscle",
+                                                    "minweight",
+                                                    "averageweight",
+                                                    "maxweight",
+                                                    "minheight",
+                                                    "averageheight",
+                                                    "maxheight",
+                                                    "mincup",
+                                                    "averagecup",
+                                                    "maxcup",
+                                                    "minfirmness",
+                                                    "averagefirmness",
+                                                    "maxfirmness",
+                                                    "uncommonproportions",
+                                                    "regularproportions",
+                                                    "idealproportions"};
 
 std::array<double, kFactors.size()> factor_values(const Sliders& s) {
   const auto low = [](double x) { return std::max(0.0, 1 - 2 * x); };
   const auto high = [](double x) { return std::max(0.0, 2 * x - 1); };
   const auto middle = [&](double x) { return 1 - low(x) - high(x); };
   const double old = 2 * s.age - 1;
-  return {s.male, 1 - s.male, 1 - old, old, s.race[0], s.race[1], s.race[2],
-          low(s.muscle), middle(s.muscle), high(s.muscle), low(s.weight), middle(s.weight), high(s.weight),
-          low(s.height), middle(s.height), high(s.height), low(s.cup), middle(s.cup), high(s.cup),
-          low(s.firmness), middle(s.firmness), high(s.firmness), low(s.proportions), middle(s.proportions), high(s.proportions)};
+  return {s.male,
+          1 - s.male,
+          1 - old,
+          old,
+          s.race[0],
+          s.race[1],
+          s.race[2],
+          low(s.muscle),
+          middle(s.muscle),
+          high(s.muscle),
+          low(s.weight),
+          middle(s.weight),
+          high(s.weight),
+          low(s.height),
+          middle(s.height),
+          high(s.height),
+          low(s.cup),
+          middle(s.cup),
+          high(s.cup),
+          low(s.firmness),
+          middle(s.firmness),
+          high(s.firmness),
+          low(s.proportions),
+          middle(s.proportions),
+          high(s.proportions)};
 }
 
 std::vector<int> factors_of(const std::string& name) {
@@ -36,7 +78,8 @@ std::vector<int> factors_of(const std::string& name) {
   return list;
 }
 
-constexpr std::array<std::pair<std::string_view, std::string_view>, 4> kPairs{{{"-decr", "-incr"}, {"-down", "-up"}, {"-in", "-out"}, {"-backward", "-forward"}}};
+constexpr std::array<std::pair<std::string_view, std::string_view>, 4> kPairs{
+    {{"-decr", "-incr"}, {"-down", "-up"}, {"-in", "-out"}, {"-backward", "-forward"}}};
 
 }  // namespace
 

@@ -25,7 +25,7 @@ using Stacked = Eigen::VectorXf;
 class BodyGenerator {
  public:
   struct Detail {
-    std::string name;  ///< path without the -decr/-incr ending
+    std::string name;                  ///< path without the -decr/-incr ending
     int negative = -1, positive = -1;  ///< columns of the displacement matrix; negative = -1: one-sided
   };
 

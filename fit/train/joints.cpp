@@ -37,13 +37,13 @@ Row between(const Row& a, const Row& b, double t) {
 }
 
 // Fractions that put our points where the CMU average skeleton has them on an average body.
-constexpr double kRootAboveHips = 1.095;   // of the way from the hips' middle to spine-4
-constexpr double kSpinePivot = 0.1457;     // of the way from the root to the chest top: 5.1 of 34.9 cm
-constexpr double kChestTop = 0.5;          // between spine-1 and neck: level of the collar bones' inner ends
-constexpr double kNeckPivot = 0.251;       // of the way from the chest top to the head base: 4.8 of 19.0 cm
-constexpr double kToeEnd = 0.6;            // of the way from the toes' base to the point before the toes: 5 cm
-constexpr double kHeadTop = 0.85;          // of the way from the head's base to the point above the crown: 2 cm below the skin
-constexpr double kHandStub = 1.0 / 3;      // of the way from the wrist to the middle knuckle: 3.7 cm
+constexpr double kRootAboveHips = 1.095;  // of the way from the hips' middle to spine-4
+constexpr double kSpinePivot = 0.1457;    // of the way from the root to the chest top: 5.1 of 34.9 cm
+constexpr double kChestTop = 0.5;         // between spine-1 and neck: level of the collar bones' inner ends
+constexpr double kNeckPivot = 0.251;      // of the way from the chest top to the head base: 4.8 of 19.0 cm
+constexpr double kToeEnd = 0.6;           // of the way from the toes' base to the point before the toes: 5 cm
+constexpr double kHeadTop = 0.85;         // of the way from the head's base to the point above the crown: 2 cm below the skin
+constexpr double kHandStub = 1.0 / 3;     // of the way from the wrist to the middle knuckle: 3.7 cm
 
 }  // namespace
 

@@ -11,7 +11,7 @@ namespace booth::fit::train {
 std::vector<SparseRow> joint_rows(const BaseBody& base);
 
 struct RegressorInput {
-  Vertices mean;                          ///< 3 x V
+  Vertices mean;  ///< 3 x V
   Points3 mean_joints;
   Eigen::VectorXi mirror_vertex;
   const Eigen::MatrixXf* bodies = nullptr;  ///< (3V + 72) x N: vertices, then joints; may be null for the template alone

@@ -10,7 +10,8 @@ namespace booth::fit::train {
 namespace {
 
 constexpr std::array<std::string_view, kFittedMeasures> kNames{"stature", "mass", "chest", "waist", "buttock", "thigh", "calf", "trochanterion", "arm"};
-constexpr std::array<std::string_view, 9> kTape{"bust-circ", "waist-circ", "hips-circ", "thigh-circ", "calf-circ", "upperleg-height", "lowerleg-height", "upperarm-length", "lowerarm-length"};
+constexpr std::array<std::string_view, 9> kTape{"bust-circ",       "waist-circ",      "hips-circ",       "thigh-circ",     "calf-circ",
+                                                "upperleg-height", "lowerleg-height", "upperarm-length", "lowerarm-length"};
 constexpr int kMacros = 3;  // height, weight, muscle
 constexpr int kUnknowns = kMacros + static_cast<int>(kTape.size());
 using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
@@ -36,8 +37,8 @@ FittedMeasures measures_of(const Person& p) {
 
 FittedMeasures fitted_measures(const MeasureValues& m) {
   const auto of = [&](Measure which) { return m[static_cast<std::size_t>(which)]; };
-  return (FittedMeasures() << of(Measure::stature), of(Measure::mass), of(Measure::chest_girth), of(Measure::waist_girth), of(Measure::buttock_girth), of(Measure::thigh_girth),
-          of(Measure::calf_girth), of(Measure::leg_length), of(Measure::arm_length))
+  return (FittedMeasures() << of(Measure::stature), of(Measure::mass), of(Measure::chest_girth), of(Measure::waist_girth), of(Measure::buttock_girth),
+          of(Measure::thigh_girth), of(Measure::calf_girth), of(Measure::leg_length), of(Measure::arm_length))
       .finished();
 }
 
@@ -176,7 +177,8 @@ FittedBody PersonFitter::fit(const Person& person, Random random) const {
     }
     const Eigen::Matrix<double, kFittedMeasures, kUnknowns> weighted = kTolerance.cwiseInverse().asDiagonal() * jacobian;
     const Unknowns prior = kSpread.cwiseInverse().cwiseAbs2();
-    const Eigen::Matrix<double, kUnknowns, kUnknowns> normal = weighted.transpose() * weighted + Eigen::Matrix<double, kUnknowns, kUnknowns>(prior.asDiagonal());
+    const Eigen::Matrix<double, kUnknowns, kUnknowns> normal =
+        weighted.transpose() * weighted + Eigen::Matrix<double, kUnknowns, kUnknowns>(prior.asDiagonal());
     const Unknowns gradient = weighted.transpose() * ((m - wanted).array() / kTolerance.array()).matrix() + prior.cwiseProduct(u - kOrdinary);
     bool better = false;
     double gained = 0;

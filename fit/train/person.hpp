@@ -15,7 +15,8 @@ struct Person {
   int subject = 0;
   Sex sex = Sex::men;
   double age = 0;
-  double stature = 0, mass = 0, chest = 0, waist = 0, buttock = 0, thigh = 0, calf = 0, trochanterion = 0, arm = 0;  ///< arm: acromion-radiale + radiale-stylion
+  double stature = 0, mass = 0, chest = 0, waist = 0, buttock = 0, thigh = 0, calf = 0, trochanterion = 0,
+         arm = 0;  ///< arm: acromion-radiale + radiale-stylion
 };
 
 inline constexpr int kFittedMeasures = 9;
@@ -40,8 +41,8 @@ class Widener {
 };
 
 struct FittedBody {
-  Stacked body;              ///< vertices and joints, root joint at the origin
-  FittedMeasures error;      ///< made minus wanted
+  Stacked body;          ///< vertices and joints, root joint at the origin
+  FittedMeasures error;  ///< made minus wanted
   /// False where the sliders' range ended before the person was reached.
   bool matches() const;
 };

@@ -21,14 +21,14 @@ struct Reach {
   std::string_view dof;
   double low, high;
 };
-constexpr Reach kReach[] = {{"ltibia_rx", -5, 150},    {"lradius_rx", -5, 150},    {"lfemur_rx", -125, 35},   {"lfemur_ry", -45, 45},   {"lfemur_rz", -60, 25},
-                            {"lhumerus_rx", -110, 110}, {"lhumerus_ry", -85, 70},  {"lhumerus_rz", -95, 130}, {"lfoot_rx", -45, 45},    {"upperback_rx", -40, 70},
-                            {"upperback_ry", -45, 45}, {"upperback_rz", -35, 35},  {"neck_rx", -50, 50},      {"neck_rz", -40, 40},     {"head_ry", -80, 80}};
+constexpr Reach kReach[] = {{"ltibia_rx", -5, 150},     {"lradius_rx", -5, 150},   {"lfemur_rx", -125, 35},   {"lfemur_ry", -45, 45}, {"lfemur_rz", -60, 25},
+                            {"lhumerus_rx", -110, 110}, {"lhumerus_ry", -85, 70},  {"lhumerus_rz", -95, 130}, {"lfoot_rx", -45, 45},  {"upperback_rx", -40, 70},
+                            {"upperback_ry", -45, 45},  {"upperback_rz", -35, 35}, {"neck_rx", -50, 50},      {"neck_rz", -40, 40},   {"head_ry", -80, 80}};
 
 /// Poses that a search should know and the motions hardly hold; symmetric, degrees of the left side and the middle.
 struct WrittenPose {
-  double pitch;     ///< root_rx
-  double lift;      ///< metres between the lowest joint and where on_the_floor() puts it: half a body's thickness when lying
+  double pitch;  ///< root_rx
+  double lift;   ///< metres between the lowest joint and where on_the_floor() puts it: half a body's thickness when lying
   double upperback, humerus_rz, elbow, femur_rx, femur_rz, knee, foot;
 };
 constexpr WrittenPose kWrittenPoses[] = {
@@ -128,7 +128,8 @@ PosePrior train_pose_prior(const Eigen::MatrixXf& frames, const std::vector<Moti
   Poses poses;  // thinned; mirror images follow below
   std::array<std::vector<double>, kDofs> speeds;
   for (const auto& s : segments) {
-    if (s.start < 0 || s.frames < 1 || s.stride < 1 || s.start + s.frames > frames.cols()) throw std::invalid_argument("pose training: a segment lies outside the sequence");
+    if (s.start < 0 || s.frames < 1 || s.stride < 1 || s.start + s.frames > frames.cols())
+      throw std::invalid_argument("pose training: a segment lies outside the sequence");
     for (int f = s.start; f < s.start + s.frames; ++f) {
       const PoseVector q = frames.col(f).cast<double>();
       if (!q.allFinite()) throw std::invalid_argument("pose training: frame " + std::to_string(f) + " is not finite");

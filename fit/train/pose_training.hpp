@@ -18,7 +18,7 @@ struct MotionSegment {
 struct PoseTrainingSettings {
   std::uint64_t seed = 1;
   double kept_variance = 0.95;
-  double speed_margin = 1.5;  ///< factor on the 99 % speeds
+  double speed_margin = 1.5;                   ///< factor on the 99 % speeds
   int clusters = 108, standing_clusters = 16;  ///< medoids; each is joined by its mirror image
 };
 

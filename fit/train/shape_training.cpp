@@ -164,7 +164,8 @@ TrainedShape train_one(Sex sex, const Survey& survey, const Shared& shared) {
   out.model = shared.blank;
   out.model.sex = sex;
   if (survey.bodies < 32 || survey.bodies > static_cast<int>(survey.training.size()))
-    throw std::invalid_argument(std::string("the survey has ") + std::to_string(survey.training.size()) + " " + to_string(sex) + ", " + std::to_string(survey.bodies) + " are wanted");
+    throw std::invalid_argument(std::string("the survey has ") + std::to_string(survey.training.size()) + " " + to_string(sex) + ", " +
+                                std::to_string(survey.bodies) + " are wanted");
 
   // Drawn without replacement, then widened; some more than needed, because not everybody can be made.
   std::vector<Person> people = survey.training;
@@ -181,7 +182,8 @@ TrainedShape train_one(Sex sex, const Survey& survey, const Shared& shared) {
   std::erase_if(fitted, [](const FittedBody& b) { return !b.matches(); });
   out.rejected = static_cast<int>(drawn - fitted.size());
   if (static_cast<int>(fitted.size()) < survey.bodies)
-    throw std::invalid_argument("only " + std::to_string(fitted.size()) + " of " + std::to_string(drawn) + " " + to_string(sex) + " could be made from the base body");
+    throw std::invalid_argument("only " + std::to_string(fitted.size()) + " of " + std::to_string(drawn) + " " + to_string(sex) +
+                                " could be made from the base body");
   fitted.resize(static_cast<std::size_t>(survey.bodies));
   Eigen::MatrixXf bodies(shared.generator.stacked_size(), survey.bodies);
   std::array<double, kMeasures> squares{};
@@ -256,7 +258,8 @@ ShapeTraining train_shapes(const BaseBody& base, const Survey& men, const Survey
   out.mesh = make_template(base, average, settings.edge_length);
   const auto report = inspect(out.mesh.average, out.mesh.faces);
   progress("template: " + std::to_string(report.vertices) + " vertices, edges " + std::to_string(report.edge_mean * 100).substr(0, 4) + " cm");
-  if (report.open_edges || report.overused_edges || report.components != 1 || report.euler() != 2) throw std::invalid_argument("the template is not one closed surface of genus 0");
+  if (report.open_edges || report.overused_edges || report.components != 1 || report.euler() != 2)
+    throw std::invalid_argument("the template is not one closed surface of genus 0");
 
   const auto joint_rule = joint_rows(base);
   BodyModelData blank;

@@ -17,10 +17,26 @@ struct Rule {
   double part = 1;  // of the first
 };
 constexpr std::array<Rule, 21> kRules{{
-    {"pelvis", "root", ""},       {"root", "root", ""},          {"spine05", "root", ""},        {"spine04", "root", "upperback", 0.65}, {"spine03", "root", "upperback", 0.25},
-    {"spine0", "upperback", ""},  {"breast", "upperback", ""},   {"clavicle", "*clavicle", ""},  {"shoulder01", "*clavicle", ""},      {"upperarm", "*humerus", ""},
-    {"lowerarm", "*radius", ""},  {"wrist", "*radius", ""},      {"metacarpal", "*radius", ""},  {"finger", "*radius", ""},            {"upperleg", "*femur", ""},
-    {"lowerleg", "*tibia", ""},   {"foot", "*foot", ""},         {"toe", "*foot", ""},           {"neck03", "neck", "head", 0.5},      {"neck0", "neck", ""},
+    {"pelvis", "root", ""},
+    {"root", "root", ""},
+    {"spine05", "root", ""},
+    {"spine04", "root", "upperback", 0.65},
+    {"spine03", "root", "upperback", 0.25},
+    {"spine0", "upperback", ""},
+    {"breast", "upperback", ""},
+    {"clavicle", "*clavicle", ""},
+    {"shoulder01", "*clavicle", ""},
+    {"upperarm", "*humerus", ""},
+    {"lowerarm", "*radius", ""},
+    {"wrist", "*radius", ""},
+    {"metacarpal", "*radius", ""},
+    {"finger", "*radius", ""},
+    {"upperleg", "*femur", ""},
+    {"lowerleg", "*tibia", ""},
+    {"foot", "*foot", ""},
+    {"toe", "*foot", ""},
+    {"neck03", "neck", "head", 0.5},
+    {"neck0", "neck", ""},
     {"", "head", ""},  // jaw, lips, lids, tongue
 }};
 
@@ -50,8 +66,10 @@ void transfer_skinning(const BaseBody& base, const TemplateMesh& mesh, BodyModel
   }
   for (Eigen::Index v = 0; v < on_base.cols(); ++v) {
     const double sum = on_base.col(v).sum();
-    if (sum > 0) on_base.col(v) /= sum;
-    else on_base(0, v) = 1;
+    if (sum > 0)
+      on_base.col(v) /= sum;
+    else
+      on_base(0, v) = 1;
   }
 
   Eigen::MatrixXd weight = Eigen::MatrixXd::Zero(kBones, count);
@@ -83,13 +101,13 @@ void transfer_skinning(const BaseBody& base, const TemplateMesh& mesh, BodyModel
     // Ties are broken towards the middle and then by the mirrored order, so that both sides choose alike.
     const bool right = model.mirror_vertex[v] < v;
     const auto rank = [&](int b) { return right ? mirror_bone(b) : b; };
-    std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return symmetric(a, v) != symmetric(b, v) ? symmetric(a, v) > symmetric(b, v) : rank(a) < rank(b); });
+    std::stable_sort(order.begin(), order.end(),
+                     [&](int a, int b) { return symmetric(a, v) != symmetric(b, v) ? symmetric(a, v) > symmetric(b, v) : rank(a) < rank(b); });
     std::vector<int> chosen;
     for (int i = 0; i < kSkinBones; ++i)
       if (const int b = order[static_cast<std::size_t>(i)]; symmetric(b, v) > kLeastWeight) chosen.push_back(b);
     // On the midline a bone stays only together with its counterpart.
-    if (model.mirror_vertex[v] == v)
-      std::erase_if(chosen, [all = chosen](int b) { return std::find(all.begin(), all.end(), mirror_bone(b)) == all.end(); });
+    if (model.mirror_vertex[v] == v) std::erase_if(chosen, [all = chosen](int b) { return std::find(all.begin(), all.end(), mirror_bone(b)) == all.end(); });
     double sum = 0;
     for (int b : chosen) sum += symmetric(b, v);
     for (std::size_t i = 0; i < chosen.size(); ++i) {

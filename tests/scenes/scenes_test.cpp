@@ -81,7 +81,8 @@ Outcome run(drivers::SceneSettings settings, std::vector<drivers::Person> person
     if (const auto truth = source.truth ? source.truth->at(hal::MonotonicTime(hal::from_seconds(reference))) : std::nullopt) {
       double error = 0;
       for (int j : fit::main_joints())
-        error += (fit::booth_from_cmu(out.last.joints.col(j)) - Eigen::Map<const Eigen::Vector3d>(truth->joints[static_cast<std::size_t>(j)].data())).norm() / 15;
+        error +=
+            (fit::booth_from_cmu(out.last.joints.col(j)) - Eigen::Map<const Eigen::Vector3d>(truth->joints[static_cast<std::size_t>(j)].data())).norm() / 15;
       out.joint_error.push_back(error);
     }
   }

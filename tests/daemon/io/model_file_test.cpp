@@ -8,8 +8,8 @@
 #include <array>
 #include <filesystem>
 #include <fstream>
-#include <map>
 #include <limits>
+#include <map>
 #include <set>
 
 #include "daemon/io/ansur.hpp"
@@ -41,7 +41,8 @@ class CommittedModel : public testing::TestWithParam<fit::Sex> {
  protected:
   const fit::BodyModel& m = model(GetParam());
 };
-INSTANTIATE_TEST_SUITE_P(BothSexes, CommittedModel, testing::Values(fit::Sex::men, fit::Sex::women), [](const auto& i) { return std::string(to_string(i.param)); });
+INSTANTIATE_TEST_SUITE_P(BothSexes, CommittedModel, testing::Values(fit::Sex::men, fit::Sex::women),
+                         [](const auto& i) { return std::string(to_string(i.param)); });
 
 TEST_P(CommittedModel, IsOneClosedEvenSurface) {
   EXPECT_EQ(m.sex(), GetParam());

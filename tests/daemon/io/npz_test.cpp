@@ -110,7 +110,9 @@ TEST(Npz, EverySingleDamagedByteIsRefusedOrHarmless) {
       try {
         const NpzReader r(bytes, "file.npz");
         for (const auto& key : r.keys()) {
-          if (good.has(key) && r.array(key).type != NpzType::text) { EXPECT_EQ(r.array(key).bytes, good.array(key).bytes) << i; }
+          if (good.has(key) && r.array(key).type != NpzType::text) {
+            EXPECT_EQ(r.array(key).bytes, good.array(key).bytes) << i;
+          }
         }
       } catch (const std::runtime_error& e) {
         EXPECT_NE(std::string(e.what()).find("file.npz"), std::string::npos);
@@ -133,7 +135,8 @@ std::string stored(const std::string& npy, std::uint32_t stated) {
   const std::string head = u16(20) + u16(0) + u16(0) + u32(0x210000);
   const std::string local = u32(0x04034b50) + head + sizes + name + npy;
   const std::string central = u32(0x02014b50) + u16(20) + head + sizes + u16(0) + u16(0) + u16(0) + u32(0) + u32(0) + name;
-  return local + central + u32(0x06054b50) + u32(0) + u16(1) + u16(1) + u32(static_cast<std::uint32_t>(central.size())) + u32(static_cast<std::uint32_t>(local.size())) + u16(0);
+  return local + central + u32(0x06054b50) + u32(0) + u16(1) + u16(1) + u32(static_cast<std::uint32_t>(central.size())) +
+         u32(static_cast<std::uint32_t>(local.size())) + u16(0);
 }
 
 std::string npy(const std::string& header, const std::string& data) {
@@ -150,12 +153,13 @@ TEST(Npz, ReadsStoredMembers) {
 
 TEST(Npz, HostileHeadersAreRefused) {
   const std::string data(16, '\0');
-  for (const char* header : {"{'descr': '<f4', 'fortran_order': False, 'shape': (5,), }", "{'descr': '<f4', 'fortran_order': True, 'shape': (4,), }",
-                             "{'descr': '<f4', 'fortran_order': False, 'shape': (18446744073709551615, 18446744073709551615), }",
-                             "{'descr': '<f4', 'fortran_order': False, 'shape': (4294967296, 4294967296), }", "{'descr': '>f4', 'fortran_order': False, 'shape': (4,), }",
-                             "{'descr': '|O', 'fortran_order': False, 'shape': (2,), }", "{'descr': [('x', '<f4')], 'fortran_order': False, 'shape': (4,), }",
-                             "{'descr': '<f4', 'fortran_order': False, 'shape': (-4,), }", "{'descr': '<f4', 'fortran_order': False, 'shape': 4 }",
-                             "{'descr': '<U99999999999', 'fortran_order': False, 'shape': (4,), }", "{}", ""}) {
+  for (const char* header :
+       {"{'descr': '<f4', 'fortran_order': False, 'shape': (5,), }", "{'descr': '<f4', 'fortran_order': True, 'shape': (4,), }",
+        "{'descr': '<f4', 'fortran_order': False, 'shape': (18446744073709551615, 18446744073709551615), }",
+        "{'descr': '<f4', 'fortran_order': False, 'shape': (4294967296, 4294967296), }", "{'descr': '>f4', 'fortran_order': False, 'shape': (4,), }",
+        "{'descr': '|O', 'fortran_order': False, 'shape': (2,), }", "{'descr': [('x', '<f4')], 'fortran_order': False, 'shape': (4,), }",
+        "{'descr': '<f4', 'fortran_order': False, 'shape': (-4,), }", "{'descr': '<f4', 'fortran_order': False, 'shape': 4 }",
+        "{'descr': '<U99999999999', 'fortran_order': False, 'shape': (4,), }", "{}", ""}) {
     const std::string member = npy(header, data);
     EXPECT_NE(error_of(stored(member, static_cast<std::uint32_t>(member.size()))).find("key 'a'"), std::string::npos) << header;
   }

@@ -97,7 +97,8 @@ TEST(Measure, ArmsAreNotMeasuredWithTheChest) {
   const auto before = Measurer(data).measure(data.mean, Points3::Zero());
   // The outermost sides become arm: what is left is narrower.
   for (int r = 0; r < kRings; ++r)
-    for (int s : {-2, -1, 0, 1, 2, kSides / 2 - 2, kSides / 2 - 1, kSides / 2, kSides / 2 + 1, kSides / 2 + 2}) data.skin_bone(0, vertex(r, s)) = static_cast<std::uint8_t>(bone_index("lhumerus"));
+    for (int s : {-2, -1, 0, 1, 2, kSides / 2 - 2, kSides / 2 - 1, kSides / 2, kSides / 2 + 1, kSides / 2 + 2})
+      data.skin_bone(0, vertex(r, s)) = static_cast<std::uint8_t>(bone_index("lhumerus"));
   const auto after = Measurer(data).measure(data.mean, Points3::Zero());
   EXPECT_LT(of(after, Measure::chest_girth), of(before, Measure::chest_girth) - 0.005);
 }

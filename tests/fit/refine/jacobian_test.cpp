@@ -95,7 +95,8 @@ TEST_P(Jacobian, JointsMatchDifferences) {
     step[k] = h;
     forward_kinematics(q + step, poser.bone_vectors(), up);
     forward_kinematics(q - step, poser.bone_vectors(), down);
-    for (int j = 0; j < kJoints; ++j) EXPECT_LT((by_pose[j].col(k) - (up.joint.col(j) - down.joint.col(j)) / (2 * h)).norm(), 1e-8) << dof_name(k) << ", " << bones()[j].end_joint;
+    for (int j = 0; j < kJoints; ++j)
+      EXPECT_LT((by_pose[j].col(k) - (up.joint.col(j) - down.joint.col(j)) / (2 * h)).norm(), 1e-8) << dof_name(k) << ", " << bones()[j].end_joint;
   }
   for (int k = 0; k < model->shape_count(); ++k) {
     ShapeVector b = beta;

@@ -8,9 +8,7 @@
 namespace booth::fit {
 namespace {
 
-float value(int row, int column) {
-  return Random::normal(Random(1, static_cast<std::uint64_t>(row)).words(static_cast<std::uint32_t>(column), 0, 0));
-}
+float value(int row, int column) { return Random::normal(Random(1, static_cast<std::uint64_t>(row)).words(static_cast<std::uint32_t>(column), 0, 0)); }
 
 class Sums : public testing::TestWithParam<std::pair<int, int>> {};
 
@@ -32,7 +30,8 @@ TEST_P(Sums, MatchThePlainSum) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Sizes, Sums,
-                         testing::Values(std::pair{0, 36}, std::pair{1, 1}, std::pair{31, 36}, std::pair{32, 51}, std::pair{33, 60}, std::pair{500, kMaxUnknowns}));
+                         testing::Values(std::pair{0, 36}, std::pair{1, 1}, std::pair{31, 36}, std::pair{32, 51}, std::pair{33, 60},
+                                         std::pair{500, kMaxUnknowns}));
 
 TEST(Sums, AddJoinsTwoAccumulators) {
   NormalEquations a, b, both;

@@ -25,8 +25,8 @@ TEST(Collapse, OneSidedEnergyFallsWhileTheArmIsLostAndTwoSidedFindsIt) {
   const auto model = tests::capsule_body();
   const auto prior = tests::plain_prior();
   const ShapeVector beta = ShapeVector::Zero(tests::kCapsuleShapes);
-  const PoseVector truth = tests::pose_with({{"lhumerus_rz", 5}});    // the left arm held out to the side
-  const PoseVector start = tests::pose_with({{"lhumerus_rz", 60}});   // the model's hangs
+  const PoseVector truth = tests::pose_with({{"lhumerus_rz", 5}});   // the left arm held out to the side
+  const PoseVector start = tests::pose_with({{"lhumerus_rz", 60}});  // the model's hangs
   const Observation observation = tests::posed_cloud(*model, beta, truth);
 
   WorkerPool pool(1);
@@ -41,7 +41,11 @@ TEST(Collapse, OneSidedEnergyFallsWhileTheArmIsLostAndTwoSidedFindsIt) {
   refiner.place(start, beta);
   const double energy_before = one_sided(refiner.poser(), observation.cloud), error_before = wrist_error();
 
-  RefineSchedule schedule{.cloud_samples = observation.cloud.size, .model_samples = model->vertex_count(), .model_to_cloud = true, .shape = true, .stages = {{40, 0.3f, 0.6f}, {20, 0.1f, 0.4f}}};
+  RefineSchedule schedule{.cloud_samples = observation.cloud.size,
+                          .model_samples = model->vertex_count(),
+                          .model_to_cloud = true,
+                          .shape = true,
+                          .stages = {{40, 0.3f, 0.6f}, {20, 0.1f, 0.4f}}};
   RefineWeights weights;
   weights.effective_points = 0;  // nothing asks whether the cloud is explained
   weights.model_to_cloud = 600;

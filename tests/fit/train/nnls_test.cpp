@@ -35,7 +35,9 @@ TEST(Nnls, RandomProblemsSatisfyTheOptimalityConditions) {
     for (Eigen::Index i = 0; i < w.size(); ++i) {
       EXPECT_GE(w[i], 0);
       EXPECT_LT(gradient[i], 1e-8);
-      if (w[i] > 0) { EXPECT_NEAR(gradient[i], 0, 1e-8); }
+      if (w[i] > 0) {
+        EXPECT_NEAR(gradient[i], 0, 1e-8);
+      }
     }
   }
 }

@@ -91,7 +91,9 @@ TEST(Surface, RowsAreConvexCombinationsThatGiveThePositions) {
     }
     EXPECT_NEAR(weight, 1, 1e-5);
     EXPECT_LT((sum - s.position(v)).norm(), 1e-5);
-    if (s.midline(v)) { EXPECT_NEAR(s.position(v).x(), 0, 1e-12); }
+    if (s.midline(v)) {
+      EXPECT_NEAR(s.position(v).x(), 0, 1e-12);
+    }
   }
 }
 
@@ -102,7 +104,9 @@ TEST(Surface, RemovedVerticesAreGoneAndTheSurfaceIsStillADisc) {
   for (std::size_t v = 0; v < h.points.size(); ++v) marked[v] = h.points[v].x() > 0.8;
   s.remove_vertices(marked);
   for (std::size_t v = 0; v < marked.size(); ++v) {
-    if (marked[v]) { EXPECT_FALSE(s.alive(static_cast<int>(v))) << v; }
+    if (marked[v]) {
+      EXPECT_FALSE(s.alive(static_cast<int>(v))) << v;
+    }
   }
   expect_disc(s);
 }
