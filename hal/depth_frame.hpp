@@ -44,6 +44,7 @@ struct DepthFrame {
   MonotonicTime captured{};    ///< middle of the exposure
   MonotonicTime received{};    ///< when the host had all of it
   std::vector<std::uint16_t> depth;
+  std::vector<std::uint16_t> infrared;  ///< brightness, pixel for pixel; filled where the slot's owner sized it and the camera has it
 };
 
 }  // namespace booth::hal
