@@ -35,9 +35,7 @@ struct Assembled {
 class KinectCamera final : public hal::DepthCamera, private usb::StreamSink {
  public:
   KinectCamera(KinectShared shared, KinectSettings settings)
-      : shared_(std::move(shared)),
-        settings_(std::move(settings)),
-        infrared_([this](const RawFrame& frame) { on_frame(frame); }) {
+      : shared_(std::move(shared)), settings_(std::move(settings)), infrared_([this](const RawFrame& frame) { on_frame(frame); }) {
     const Calibration calibration = learn_calibration();
     decoder_ = make_decoder(calibration.depth, calibration.phase, settings_.decoder);
     description_ = {.name = settings_.name,
@@ -229,7 +227,8 @@ void KinectCamera::start() {
     device_.reset();
     const bool gone = e.fault() == usb::Fault::no_device || e.fault() == usb::Fault::not_found;
     if (gone) reset_next_ = false;
-    fail(gone ? Trouble::vanished : Trouble::failed, e.what() + std::string(ladder_.tried() > 5 ? "; it has not answered for long: unplug it from USB and mains for ten seconds" : ""));
+    fail(gone ? Trouble::vanished : Trouble::failed,
+         e.what() + std::string(ladder_.tried() > 5 ? "; it has not answered for long: unplug it from USB and mains for ten seconds" : ""));
   } catch (const CommandError& e) {
     fail(Trouble::failed, e.what());
   }

@@ -16,7 +16,7 @@ namespace booth::drivers::kinect2 {
 
 /// What only an installation that permits it can do; false where it cannot. `path` is the camera's port, "2-1.3".
 struct PowerTools {
-  std::function<bool(const std::string& path)> reset_port, rebind_controller;
+  std::function<bool(const std::string&path)> reset_port, rebind_controller;
 };
 
 /// What the cameras of one booth share. Outlives them.
@@ -31,12 +31,12 @@ struct KinectShared {
 struct KinectSettings {
   hal::CameraIndex index{};
   std::string serial;
-  std::string name;                    ///< of its position
+  std::string name;  ///< of its position
   hal::RigidTransform camera_to_world;
   DecoderSettings decoder;
-  int transfers = 24;                  ///< of one millisecond each; 24 take 6.5 MB of usbfs memory
-  bool colour = false;                 ///< receive and check the colour stream (nobody uses it yet; it costs bus time)
-  bool reset_on_open = true;           ///< nearly ends hangs after an unclean exit
+  int transfers = 24;         ///< of one millisecond each; 24 take 6.5 MB of usbfs memory
+  bool colour = false;        ///< receive and check the colour stream (nobody uses it yet; it costs bus time)
+  bool reset_on_open = true;  ///< nearly ends hangs after an unclean exit
 };
 
 /// Opens the device once to learn its calibration, unless the cache knows it. Throws std::runtime_error with the remedy when neither can be had.

@@ -28,7 +28,8 @@ constexpr usb::ControlRequest kSuspend{0x01, 0x03, 0, 0x0300}, kResume{0x01, 0x0
 }  // namespace
 
 std::string clean_serial(const std::string& serial) {
-  const bool good = !serial.empty() && serial.size() <= 64 && std::all_of(serial.begin(), serial.end(), [](unsigned char c) { return c < 128 && std::isalnum(c); });
+  const bool good =
+      !serial.empty() && serial.size() <= 64 && std::all_of(serial.begin(), serial.end(), [](unsigned char c) { return c < 128 && std::isalnum(c); });
   return good ? serial : std::string();
 }
 
@@ -38,7 +39,8 @@ usb::DeviceInfo find_kinect(usb::Bus& bus, const std::string& serial) {
   const auto found = std::find_if(all.begin(), all.end(), same);
   const std::string name = "Kinect v2 " + serial;
   if (found == all.end())
-    throw usb::Error(usb::Fault::no_device, name + " is not on the bus (" + std::to_string(all.size()) + " other sensors are): check its cable and its mains adaptor");
+    throw usb::Error(usb::Fault::no_device,
+                     name + " is not on the bus (" + std::to_string(all.size()) + " other sensors are): check its cable and its mains adaptor");
   if (std::count_if(all.begin(), all.end(), same) > 1)
     throw usb::Error(usb::Fault::unsupported, name + " is there twice: two sensors with the same serial cannot be told apart, unplug one of them");
   if (found->speed < usb::Speed::super)
@@ -71,8 +73,9 @@ KinectDevice::KinectDevice(usb::Bus& bus, const std::string& serial, bool reset,
   suspend();
   packet_bytes_ = device_->bytes_per_interval(kStreamInterface, 1, kInfraredIn);
   if (packet_bytes_ < kPacketBytes)
-    throw usb::Error(usb::Fault::unsupported, "Kinect v2 " + serial + " offers " + std::to_string(packet_bytes_) + " bytes per interval on its infrared stream, " +
-                                                  std::to_string(kPacketBytes) + " are needed: it is not a sensor that this driver knows");
+    throw usb::Error(usb::Fault::unsupported, "Kinect v2 " + serial + " offers " + std::to_string(packet_bytes_) +
+                                                  " bytes per interval on its infrared stream, " + std::to_string(kPacketBytes) +
+                                                  " are needed: it is not a sensor that this driver knows");
   commands_ = std::make_unique<CommandChannel>(*device_);
 }
 
@@ -115,7 +118,8 @@ void KinectDevice::wait_until_ready() {
   const auto end = std::chrono::steady_clock::now() + kReadyPatience;
   while ((commands_->status() & 1u) == 0) {
     if (std::chrono::steady_clock::now() >= end)
-      throw NotReady("Kinect v2 " + serial_ + " did not become ready within five seconds: if rebooting it does not help, unplug its mains adaptor for ten seconds");
+      throw NotReady("Kinect v2 " + serial_ +
+                     " did not become ready within five seconds: if rebooting it does not help, unplug its mains adaptor for ten seconds");
     nap(100ms);
   }
 }
@@ -130,8 +134,9 @@ void KinectDevice::streaming(int transfers, usb::StreamSink& infrared, usb::Stre
     commands_->colour(true);
     colour_ = device_->open_stream({.endpoint = kColourIn, .packet_bytes = kColourTransferBytes, .transfers = kColourTransfers}, *colour);
   }
-  infrared_ = device_->open_stream({.endpoint = kInfraredIn, .isochronous = true, .packet_bytes = packet_bytes_, .packets_per_transfer = kPacketsPerTransfer, .transfers = transfers},
-                                   infrared);
+  infrared_ = device_->open_stream(
+      {.endpoint = kInfraredIn, .isochronous = true, .packet_bytes = packet_bytes_, .packets_per_transfer = kPacketsPerTransfer, .transfers = transfers},
+      infrared);
 }
 
 void KinectDevice::start(int transfers, usb::StreamSink& infrared, usb::StreamSink* colour) {

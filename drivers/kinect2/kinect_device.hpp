@@ -33,7 +33,8 @@ class KinectDevice {
   /// From `cache` when that knows this serial and firmware, else from the device, checked and stored. `cache` may be null.
   Calibration calibration(CalibrationCache* cache);
 
-  /// Opens the streams; packets go to the sinks from then on. `colour` may be null: no colour. Throws NotReady, usb::Error or CommandError; stops what it began.
+  /// Opens the streams; packets go to the sinks from then on. `colour` may be null: no colour. Throws NotReady, usb::Error or CommandError; stops what it
+  /// began.
   void start(int transfers, usb::StreamSink& infrared, usb::StreamSink* colour);
   /// Harmless when stopped. False when transfers did not call back in time.
   bool stop() noexcept;

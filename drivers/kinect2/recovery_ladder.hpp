@@ -11,12 +11,12 @@ namespace booth::drivers::kinect2 {
 
 /// Steps two to six of the ladder; the first, one repeated command, is the command channel's own.
 enum class Rung : std::uint8_t {
-  restart_stream,      ///< stop and start the stream of the open device
-  reopen,              ///< close, open again with a bus reset
-  reboot,              ///< tell the device to reboot; it is away for about three seconds
-  reset_port,          ///< power-cycle the port, where the hub can and the installation permits it
-  rebind_controller,   ///< unbind and bind the PCI function, where permitted
-  ask_for_help,        ///< nothing is left but a hand on the plug: go on with `reopen` and say so
+  restart_stream,     ///< stop and start the stream of the open device
+  reopen,             ///< close, open again with a bus reset
+  reboot,             ///< tell the device to reboot; it is away for about three seconds
+  reset_port,         ///< power-cycle the port, where the hub can and the installation permits it
+  rebind_controller,  ///< unbind and bind the PCI function, where permitted
+  ask_for_help,       ///< nothing is left but a hand on the plug: go on with `reopen` and say so
 };
 std::string_view to_string(Rung rung);
 

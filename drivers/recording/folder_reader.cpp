@@ -5,9 +5,7 @@
 #include <sstream>
 #include <stdexcept>
 
-#define TOML_ENABLE_FORMATTERS 0
-#include <toml++/toml.h>
-
+#include "drivers/recording/camera_table.hpp"
 #include "drivers/recording/layouts.hpp"
 #include "drivers/recording/png16.hpp"
 #include "drivers/recording/text.hpp"
@@ -16,7 +14,7 @@ namespace booth::drivers {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::size_t kMaxFrames = 10'000'000, kMaxCameras = 64, kMaxBackground = 1000;
+constexpr std::size_t kMaxFrames = 10'000'000, kMaxBackground = 1000;
 
 [[noreturn]] void fail(const fs::path& file, const std::string& what) { throw std::runtime_error(file.string() + ": " + what); }
 
@@ -59,81 +57,11 @@ void read_index(const fs::path& folder, std::vector<hal::UtcTime>& times, std::v
   }
 }
 
-/// Reads one [[camera]] table with errors that name the file, the line and the key.
-class CameraTable {
- public:
-  CameraTable(const fs::path& file, const toml::table& table, std::size_t index) : file_(file), table_(table), index_(index) {}
-
-  [[noreturn]] void wrong(const char* key, const std::string& what) const {
-    const toml::node* node = table_.get(key);
-    const auto line = node != nullptr ? node->source().begin.line : table_.source().begin.line;
-    fail(file_, "line " + std::to_string(line) + ": camera " + std::to_string(index_ + 1) + ", " + key + " " + what);
-  }
-  double number(const char* key) const {
-    const auto value = table_[key].value<double>();
-    if (!value) wrong(key, "must be a number");
-    return *value;
-  }
-  double number(const char* key, double otherwise) const { return table_.contains(key) ? number(key) : otherwise; }
-  int whole(const char* key) const {
-    const auto value = table_[key].value<std::int64_t>();
-    if (!value || *value < 0 || *value > 1'000'000) wrong(key, "must be a whole number from 0 to 1000000");
-    return static_cast<int>(*value);
-  }
-  std::string text(const char* key, const std::string& otherwise) const {
-    if (!table_.contains(key)) return otherwise;
-    const auto value = table_[key].value<std::string>();
-    if (!value) wrong(key, "must be text");
-    return *value;
-  }
-  const toml::array& array(const char* key, std::size_t size) const {
-    const auto* a = table_[key].as_array();
-    if (a == nullptr || a->size() != size) wrong(key, "must be an array of " + std::to_string(size));
-    return *a;
-  }
-  bool has(const char* key) const { return table_.contains(key); }
-  const toml::table& table() const { return table_; }
-
- private:
-  const fs::path& file_;
-  const toml::table& table_;
-  std::size_t index_;
-};
-
-RecordedCameraData read_camera(const fs::path& path, const fs::path& file, const CameraTable& t, std::size_t index) {
+RecordedCameraData read_camera(const fs::path& path, const CameraTable& t) {
   RecordedCameraData data;
   auto& d = data.description;
-  d.name = t.text("name", "camera-" + std::to_string(index));
-  d.serial = t.text("serial", "");
-  auto& k = d.intrinsics;
-  k.width = t.whole("width");
-  k.height = t.whole("height");
-  k.fx = t.number("fx");
-  k.fy = t.number("fy");
-  k.cx = t.number("cx");
-  k.cy = t.number("cy");
-  d.depth_scale = t.number("depth_scale", 0.001);
-  if (t.has("distortion")) {
-    const auto& a = t.array("distortion", 5);
-    for (std::size_t i = 0; i < 5; ++i) {
-      const auto value = a[i].value<double>();
-      if (!value) t.wrong("distortion", "must hold five numbers: k1 k2 p1 p2 k3");
-      k.distortion[i] = *value;
-    }
-  }
-  const auto& rows = t.array("camera_to_world", 4);
-  for (std::size_t r = 0; r < 4; ++r) {
-    const auto* row = rows[r].as_array();
-    if (row == nullptr || row->size() != 4) t.wrong("camera_to_world", "must be four rows of four numbers");
-    for (std::size_t c = 0; c < 4; ++c) {
-      const auto value = (*row)[c].value<double>();
-      if (!value) t.wrong("camera_to_world", "must be four rows of four numbers");
-      if (r == 3 && *value != (c == 3 ? 1.0 : 0.0)) t.wrong("camera_to_world", "must end with the row 0 0 0 1");
-      if (r < 3 && c < 3) d.camera_to_world.rotation[3 * r + c] = *value;
-      if (r < 3 && c == 3) d.camera_to_world.translation[r] = *value;
-    }
-  }
-  check_description(d, file.string());
+  d = t.description();
+  const auto& k = d.intrinsics;
 
   const std::string folder_name = t.text("folder", ".");
   if (!stays_inside(folder_name)) t.wrong("folder", "leads out of the recording");
@@ -173,21 +101,9 @@ RecordedCameraData read_camera(const fs::path& path, const fs::path& file, const
 
 std::vector<RecordedCameraData> read_folder(const fs::path& path) {
   const fs::path file = path / "calibration.toml";
-  toml::table root;
-  try {
-    root = toml::parse_file(file.string());
-  } catch (const toml::parse_error& e) {
-    fail(file, "line " + std::to_string(e.source().begin.line) + ": " + std::string(e.description()));
-  }
-  const auto* tables = root["camera"].as_array();
-  if (tables == nullptr || tables->empty()) fail(file, "has no [[camera]] table");
-  if (tables->size() > kMaxCameras) fail(file, "has " + std::to_string(tables->size()) + " cameras, allowed are " + std::to_string(kMaxCameras));
+  const toml::table root = parse_calibration(file);
   std::vector<RecordedCameraData> cameras;
-  for (const auto& node : *tables) {
-    const auto* table = node.as_table();
-    if (table == nullptr) fail(file, "'camera' must be a table: write [[camera]]");
-    cameras.push_back(read_camera(path, file, CameraTable(file, *table, cameras.size()), cameras.size()));
-  }
+  for (const CameraTable& table : camera_tables(file, root)) cameras.push_back(read_camera(path, table));
   return cameras;
 }
 

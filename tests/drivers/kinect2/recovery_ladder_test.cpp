@@ -12,7 +12,8 @@ using namespace std::chrono_literals;
 
 TEST(RecoveryLadder, ClimbsOneRungForEachStall) {
   RecoveryLadder ladder;
-  for (const Rung expected : {Rung::restart_stream, Rung::reopen, Rung::reboot, Rung::reset_port, Rung::rebind_controller, Rung::ask_for_help, Rung::ask_for_help})
+  for (const Rung expected :
+       {Rung::restart_stream, Rung::reopen, Rung::reboot, Rung::reset_port, Rung::rebind_controller, Rung::ask_for_help, Rung::ask_for_help})
     EXPECT_EQ(ladder.after(Trouble::stalled), expected);
   EXPECT_EQ(ladder.tried(), 7);
 }

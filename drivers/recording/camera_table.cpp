@@ -1,0 +1,113 @@
+// Reading the tables, and what any of them must hold.
+#include "drivers/recording/camera_table.hpp"
+
+#include <stdexcept>
+
+#include "drivers/recording/calibration_file.hpp"
+#include "drivers/recording/layouts.hpp"
+
+namespace booth::drivers {
+namespace {
+
+constexpr std::size_t kMaxCameras = 64;
+
+[[noreturn]] void fail(const std::filesystem::path& file, const std::string& what) { throw std::runtime_error(file.string() + ": " + what); }
+
+}  // namespace
+
+void CameraTable::wrong(const char* key, const std::string& what) const {
+  const toml::node* node = table_.get(key);
+  const auto line = node != nullptr ? node->source().begin.line : table_.source().begin.line;
+  fail(file_, "line " + std::to_string(line) + ": camera " + std::to_string(index_ + 1) + ", " + key + " " + what);
+}
+
+double CameraTable::number(const char* key) const {
+  const auto value = table_[key].value<double>();
+  if (!value) wrong(key, "must be a number");
+  return *value;
+}
+
+int CameraTable::whole(const char* key) const {
+  const auto value = table_[key].value<std::int64_t>();
+  if (!value || *value < 0 || *value > 1'000'000) wrong(key, "must be a whole number from 0 to 1000000");
+  return static_cast<int>(*value);
+}
+
+std::string CameraTable::text(const char* key, const std::string& otherwise) const {
+  if (!table_.contains(key)) return otherwise;
+  const auto value = table_[key].value<std::string>();
+  if (!value) wrong(key, "must be text");
+  return *value;
+}
+
+const toml::array& CameraTable::array(const char* key, std::size_t size) const {
+  const auto* a = table_[key].as_array();
+  if (a == nullptr || a->size() != size) wrong(key, "must be an array of " + std::to_string(size));
+  return *a;
+}
+
+hal::CameraDescription CameraTable::description() const {
+  hal::CameraDescription d;
+  d.name = text("name", "camera-" + std::to_string(index_));
+  d.serial = text("serial", "");
+  auto& k = d.intrinsics;
+  k.width = whole("width");
+  k.height = whole("height");
+  k.fx = number("fx");
+  k.fy = number("fy");
+  k.cx = number("cx");
+  k.cy = number("cy");
+  d.depth_scale = number("depth_scale", 0.001);
+  if (has("distortion")) {
+    const auto& a = array("distortion", 5);
+    for (std::size_t i = 0; i < 5; ++i) {
+      const auto value = a[i].value<double>();
+      if (!value) wrong("distortion", "must hold five numbers: k1 k2 p1 p2 k3");
+      k.distortion[i] = *value;
+    }
+  }
+  const auto& rows = array("camera_to_world", 4);
+  for (std::size_t r = 0; r < 4; ++r) {
+    const auto* row = rows[r].as_array();
+    if (row == nullptr || row->size() != 4) wrong("camera_to_world", "must be four rows of four numbers");
+    for (std::size_t c = 0; c < 4; ++c) {
+      const auto value = (*row)[c].value<double>();
+      if (!value) wrong("camera_to_world", "must be four rows of four numbers");
+      if (r == 3 && *value != (c == 3 ? 1.0 : 0.0)) wrong("camera_to_world", "must end with the row 0 0 0 1");
+      if (r < 3 && c < 3) d.camera_to_world.rotation[3 * r + c] = *value;
+      if (r < 3 && c == 3) d.camera_to_world.translation[r] = *value;
+    }
+  }
+  check_description(d, file_.string());
+  return d;
+}
+
+toml::table parse_calibration(const std::filesystem::path& file) {
+  try {
+    return toml::parse_file(file.string());
+  } catch (const toml::parse_error& e) {
+    fail(file, "line " + std::to_string(e.source().begin.line) + ": " + std::string(e.description()));
+  }
+}
+
+std::vector<CameraTable> camera_tables(const std::filesystem::path& file, const toml::table& root) {
+  const auto* tables = root["camera"].as_array();
+  if (tables == nullptr || tables->empty()) fail(file, "has no [[camera]] table");
+  if (tables->size() > kMaxCameras) fail(file, "has " + std::to_string(tables->size()) + " cameras, allowed are " + std::to_string(kMaxCameras));
+  std::vector<CameraTable> out;
+  for (const auto& node : *tables) {
+    const auto* table = node.as_table();
+    if (table == nullptr) fail(file, "'camera' must be a table: write [[camera]]");
+    out.emplace_back(file, *table, out.size());
+  }
+  return out;
+}
+
+std::vector<hal::CameraDescription> read_calibration(const std::filesystem::path& file) {
+  const toml::table root = parse_calibration(file);
+  std::vector<hal::CameraDescription> cameras;
+  for (const CameraTable& table : camera_tables(file, root)) cameras.push_back(table.description());
+  return cameras;
+}
+
+}  // namespace booth::drivers
