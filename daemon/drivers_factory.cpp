@@ -6,6 +6,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "daemon/drivers_factory.kinect2.hpp"
 #include "daemon/io/model_file.hpp"
 #include "drivers/clock/manual_clock.hpp"
 #include "drivers/clock/system_clock.hpp"
@@ -68,6 +69,10 @@ DepthSource open_source(const Config& config) {
     const drivers::Pace pace = cameras.recording.pace == "fast" ? drivers::Pace::fast : drivers::Pace::own;
     return wrap(drivers::open_recording(cameras.recording.path, pace, clock, drivers::truth_surface), clock, "recording: " + cameras.recording.path);
   }
+  if (cameras.driver == "kinect2") return open_kinect(config, clock);
+#ifdef BOOTHD_EMULATOR
+  if (cameras.driver == "kinect2-emulated") return open_emulated_kinect(config, make_scene_person(config), clock);
+#endif
   return open_synthetic(config, drivers::Pace::own, std::numeric_limits<double>::infinity(), clock);
 }
 

@@ -19,6 +19,16 @@ struct Config {
     std::string driver = "synthetic";
     std::int64_t minimum = 2;
     struct {
+      std::vector<std::string> serials;
+      std::string calibration;
+      std::string cache = "/var/lib/boothd/kinect2";
+      std::int64_t transfers = 24;
+      bool colour = false;
+    } kinect2;
+    struct {
+      double rate = 30;
+    } emulated;
+    struct {
       std::string path;
       std::string pace = "own";
     } recording;

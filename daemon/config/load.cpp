@@ -157,7 +157,10 @@ ConfigError::ConfigError(std::vector<std::string> problems) : std::runtime_error
 Config load_config(const ConfigSources& sources) {
   Loader loader;
   if (const char* run = std::getenv("RUNTIME_DIRECTORY"); run && *run) loader.config.control.socket = std::string(run) + "/control.sock";
-  if (const char* state = std::getenv("STATE_DIRECTORY"); state && *state) loader.config.session.directory = std::string(state) + "/sessions";
+  if (const char* state = std::getenv("STATE_DIRECTORY"); state && *state) {
+    loader.config.session.directory = std::string(state) + "/sessions";
+    loader.config.cameras.kinect2.cache = std::string(state) + "/kinect2";
+  }
 
   const bool named = !sources.file.empty();
   const std::filesystem::path file = named ? sources.file : std::filesystem::path("/etc/boothd/boothd.toml");

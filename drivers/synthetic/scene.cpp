@@ -129,6 +129,9 @@ class SyntheticCamera final : public hal::DepthCamera {
   hal::CameraCounters counters() const override { return {delivered_, dropped_, 0, restarts_}; }
   std::string last_error() const override { return {}; }
 
+  /// The picture at an instant that somebody else chose; frames are numbered as they are asked for.
+  void look(hal::MonotonicTime at, std::span<std::uint16_t> out) { draw(hal::seconds(at - booth_->timeline().origin()), next_++, out.data()); }
+
   /// The room without anybody in it.
   hal::DepthFrame background() {
     hal::DepthFrame frame;
@@ -155,7 +158,11 @@ class SyntheticCamera final : public hal::DepthCamera {
   }
 
   void render() {
-    const double t = hal::seconds(instants_.at(next_));
+    draw(hal::seconds(instants_.at(next_)), next_, depth_.data());
+    rendered_ = true;
+  }
+
+  void draw(double t, std::uint64_t frame, std::uint16_t* out) {
     renderer_.begin();
     for (std::size_t i = 0; i < posed_.size(); ++i) {
       const Person& p = booth_->persons()[i];
@@ -163,8 +170,7 @@ class SyntheticCamera final : public hal::DepthCamera {
       p.model->pose_mesh(p.rest, p.rest_joints, SyntheticBooth::pose(p, t), posed_[i]);
       renderer_.draw(posed_[i], p.model->data().faces, booth_->dark(i));
     }
-    renderer_.finish(next_, depth_.data());
-    rendered_ = true;
+    renderer_.finish(frame, out);
   }
 
   const std::shared_ptr<SyntheticBooth> booth_;
@@ -309,7 +315,9 @@ std::vector<hal::CameraDescription> camera_ring(int count) {
   return ring;
 }
 
-Source make_scene(SceneSettings settings, std::vector<Person> persons, std::shared_ptr<hal::Clock> clock) {
+namespace {
+
+std::shared_ptr<SyntheticBooth> make_booth(SceneSettings settings, std::vector<Person> persons, std::shared_ptr<hal::Clock> clock) {
   if (settings.cameras.empty()) settings.cameras = camera_ring();
   require(clock != nullptr, "a clock is needed");
   require(settings.cameras.size() <= 64, "there are " + std::to_string(settings.cameras.size()) + " cameras, allowed are 1 to 64");
@@ -326,16 +334,39 @@ Source make_scene(SceneSettings settings, std::vector<Person> persons, std::shar
   require(settings.range_min >= 0 && settings.range_max > settings.range_min, "range_max must be above range_min");
   require(settings.seconds >= 0, "seconds must not be negative");
 
-  const bool somebody = !persons.empty();
-  const auto booth = std::make_shared<SyntheticBooth>(std::move(settings), std::move(persons), std::move(clock));
+  return std::make_shared<SyntheticBooth>(std::move(settings), std::move(persons), std::move(clock));
+}
+
+std::shared_ptr<const hal::GroundTruth> truth_of(const std::shared_ptr<SyntheticBooth>& booth) {
+  return booth->persons().empty() ? nullptr : std::make_shared<SyntheticTruth>(booth);
+}
+
+}  // namespace
+
+Source make_scene(SceneSettings settings, std::vector<Person> persons, std::shared_ptr<hal::Clock> clock) {
+  const auto booth = make_booth(std::move(settings), std::move(persons), std::move(clock));
   Source source;
   for (int i = 0; i < static_cast<int>(booth->settings().cameras.size()); ++i) {
     auto camera = std::make_unique<SyntheticCamera>(booth, i);
     source.background.push_back(camera->background());
     source.cameras.push_back(std::move(camera));
   }
-  if (somebody) source.truth = std::make_shared<SyntheticTruth>(booth);
+  source.truth = truth_of(booth);
   return source;
+}
+
+SceneViews make_scene_views(SceneSettings settings, std::vector<Person> persons, std::shared_ptr<hal::Clock> clock) {
+  settings.pace = Pace::own;
+  const auto booth = make_booth(std::move(settings), std::move(persons), std::move(clock));
+  booth->timeline().enter(0);
+  SceneViews views;
+  for (int i = 0; i < static_cast<int>(booth->settings().cameras.size()); ++i) {
+    const auto camera = std::make_shared<SyntheticCamera>(booth, i);
+    views.background.push_back(camera->background());
+    views.cameras.push_back([camera](hal::MonotonicTime at, std::span<std::uint16_t> depth) { camera->look(at, depth); });
+  }
+  views.truth = truth_of(booth);
+  return views;
 }
 
 }  // namespace booth::drivers

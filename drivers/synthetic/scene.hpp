@@ -1,8 +1,10 @@
 // The embedded booth: bodies in motion in a room, seen by simulated depth cameras, with the truth known at every instant.
 #pragma once
 
+#include <functional>
 #include <limits>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -68,5 +70,15 @@ std::vector<hal::CameraDescription> camera_ring(int count = 4);
 /// Allocates and renders the room here; frames are rendered in read(), on the reader's thread. Cameras keep the scene alive.
 /// Throws std::invalid_argument naming the setting that is wrong.
 Source make_scene(SceneSettings settings, std::vector<Person> persons, std::shared_ptr<hal::Clock> clock);
+
+/// The same scene for an emulated device, which decides itself when it looks.
+struct SceneViews {
+  /// One for each camera: its picture at an instant, counts as in DepthFrame. Different cameras may be asked by different threads.
+  std::vector<std::function<void(hal::MonotonicTime at, std::span<std::uint16_t> depth)>> cameras;
+  std::shared_ptr<const hal::GroundTruth> truth;
+  std::vector<hal::DepthFrame> background;
+};
+/// Scene time begins now. `pace`, `phase_spread`, `jitter`, `delivery_delay` and `seconds` say nothing here.
+SceneViews make_scene_views(SceneSettings settings, std::vector<Person> persons, std::shared_ptr<hal::Clock> clock);
 
 }  // namespace booth::drivers

@@ -93,11 +93,11 @@ TEST(Config, SaysWhereTomlIsBroken) {
 
 TEST(Config, RefusesWhatThisBuildCannotDo) {
   try {
-    load_config({.file = {}, .assignments = {"cameras.driver=kinect2"}});
+    load_config({.file = {}, .assignments = {"fit.backend=cuda"}});
     FAIL() << "accepted";
   } catch (const ConfigError& e) {
     EXPECT_TRUE(e.only_device_absent);
-    EXPECT_THAT(e.what(), HasSubstr("cameras.driver: \"kinect2\" is not in this build; allowed is one of \"synthetic\", \"recording\""));
+    EXPECT_THAT(e.what(), HasSubstr("fit.backend: \"cuda\" is not in this build; allowed is \"cpu\""));
   }
   try {
     load_config({.file = {}, .assignments = {"dds.security=on"}});

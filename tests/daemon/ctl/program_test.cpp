@@ -104,9 +104,11 @@ TEST_F(ProgramTest, ExitStatuses) {
   EXPECT_EQ(run("boothd", {"--nonsense"}), 64);
   EXPECT_EQ(run("boothd", {"--config", folder.write("b.toml", "[stage]\nradius = \"wide\"\n").string()}), 78);
   EXPECT_THAT(output, HasSubstr("b.toml:2: stage.radius: has the wrong type"));
-  EXPECT_EQ(run("boothd", {"--set", "cameras.driver=kinect2"}), 69);
+  EXPECT_EQ(run("boothd", {"--set", "fit.backend=cuda"}), 69);
   EXPECT_THAT(output, HasSubstr("not in this build"));
   EXPECT_EQ(run("boothd", {"--set", "cameras.driver=recording", "--set", "cameras.recording.path=/nonexistent"}), 69);
+  EXPECT_EQ(run("boothd", {"--set", "cameras.driver=kinect2"}), 69);
+  EXPECT_THAT(output, HasSubstr("cameras.kinect2.serials"));
   EXPECT_EQ(run("boothd", {"--set", "models.directory=/nonexistent"}), 69) << "the simulated booth needs the models, too";
   EXPECT_EQ(run("boothctl", {"status", "--socket", socket}), 1);
   EXPECT_THAT(output, HasSubstr("boothd is not running"));

@@ -1,0 +1,102 @@
+// Which sensor stands where, and what all of them share.
+#include "daemon/drivers_factory.kinect2.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "drivers/kinect2/kinect_camera.hpp"
+#include "drivers/kinect2/layout.hpp"
+#include "drivers/recording/calibration_file.hpp"
+#include "drivers/usb/libusb_bus.hpp"
+#ifdef BOOTHD_EMULATOR
+#include "drivers/kinect2/emulator/scene_view.hpp"
+#endif
+
+namespace booth::daemon {
+namespace {
+
+namespace kinect2 = drivers::kinect2;
+
+struct Position {
+  std::string name, serial;
+  hal::RigidTransform camera_to_world;
+};
+
+std::string found_serials(drivers::usb::Bus& bus) {
+  std::vector<std::string> serials;
+  for (const auto& device : bus.list(kinect2::kDeviceIds)) serials.push_back(device.serial.empty() ? "one without a readable serial" : device.serial);
+  return serials.empty() ? "none is plugged in" : fmt::format("plugged in are {}", fmt::join(serials, ", "));
+}
+
+std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus) {
+  const auto& kinect = config.cameras.kinect2;
+  const bool calibrated = !kinect.calibration.empty();
+  const auto places = calibrated ? drivers::read_calibration(kinect.calibration) : drivers::camera_ring(static_cast<int>(kinect.serials.size()));
+  if (kinect.serials.empty() && !std::all_of(places.begin(), places.end(), [](const auto& p) { return !p.serial.empty(); }))
+    throw std::runtime_error("cameras.kinect2.serials is empty: name the sensors in the order of their positions (" + found_serials(bus) + ")");
+  if (kinect.serials.empty() && places.empty())
+    throw std::runtime_error("cameras.kinect2.serials is empty: name the sensors in the order of their positions (" + found_serials(bus) + ")");
+  if (!kinect.serials.empty() && places.size() != kinect.serials.size())
+    throw std::runtime_error(
+        fmt::format("cameras.kinect2.serials names {} sensors, {} has {} positions", kinect.serials.size(), kinect.calibration, places.size()));
+  std::vector<Position> out;
+  for (std::size_t i = 0; i < places.size(); ++i)
+    out.push_back(
+        {.name = places[i].name, .serial = kinect.serials.empty() ? places[i].serial : kinect.serials[i], .camera_to_world = places[i].camera_to_world});
+  for (std::size_t i = 0; i < out.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j)
+      if (out[i].serial == out[j].serial) throw std::runtime_error("cameras.kinect2.serials names " + out[i].serial + " twice");
+  return out;
+}
+
+hal::DepthCameras make_cameras(const Config& config, const kinect2::KinectShared& shared, const std::vector<Position>& positions) {
+  const auto& kinect = config.cameras.kinect2;
+  hal::DepthCameras cameras;
+  for (const Position& position : positions)
+    cameras.push_back(kinect2::make_kinect_camera(shared, {.index = hal::CameraIndex(static_cast<std::uint8_t>(cameras.size())),
+                                                           .serial = position.serial,
+                                                           .name = position.name,
+                                                           .camera_to_world = position.camera_to_world,
+                                                           .transfers = static_cast<int>(kinect.transfers),
+                                                           .colour = kinect.colour}));
+  return cameras;
+}
+
+}  // namespace
+
+DepthSource open_kinect(const Config& config, std::shared_ptr<hal::Clock> clock) {
+  kinect2::KinectShared shared{
+      .bus = drivers::usb::make_libusb_bus(), .clock = clock, .cache = std::make_shared<kinect2::CalibrationCache>(config.cameras.kinect2.cache)};
+  const auto where = positions(config, *shared.bus);
+  return {.clock = clock,
+          .cameras = make_cameras(config, shared, where),
+          .truth = nullptr,
+          .background = {},
+          .name = fmt::format("kinect2: {} sensors", where.size())};
+}
+
+#ifdef BOOTHD_EMULATOR
+DepthSource open_emulated_kinect(const Config& config, drivers::Person person, std::shared_ptr<hal::Clock> clock) {
+  const auto& synthetic = config.cameras.synthetic;
+  drivers::SceneSettings scene;
+  scene.cameras = drivers::camera_ring(static_cast<int>(synthetic.count));
+  scene.noise = drivers::NoiseModel::parse(synthetic.noise);
+  scene.seed = static_cast<std::uint64_t>(synthetic.seed);
+  std::vector<drivers::Person> persons;
+  persons.push_back(std::move(person));
+  auto emulated = kinect2::emulator::make_emulated_scene(std::move(scene), std::move(persons), config.cameras.emulated.rate, clock);
+  std::vector<Position> where;
+  for (const auto& camera : emulated.cameras) where.push_back({camera.name, camera.serial, camera.camera_to_world});
+  const kinect2::KinectShared shared{.bus = emulated.bus, .clock = clock};
+  return {.clock = clock,
+          .cameras = make_cameras(config, shared, where),
+          .truth = std::move(emulated.truth),
+          .background = std::move(emulated.background),
+          .name = fmt::format("kinect2-emulated: {} {} noise {} seed {}", synthetic.body, synthetic.motion, synthetic.noise, synthetic.seed)};
+}
+#endif
+
+}  // namespace booth::daemon

@@ -1,0 +1,57 @@
+// From the HAL's picture (not mirrored, counts) to the device's (mirrored, millimetres and brightness).
+#include "drivers/kinect2/emulator/scene_view.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/kinect2/emulator/forward_model.hpp"
+#include "drivers/kinect2/layout.hpp"
+
+namespace booth::drivers::kinect2::emulator {
+namespace {
+
+/// Brightness of skin and cloth at one metre; it falls with the square of the distance.
+constexpr float kBrightness = 20000.0f, kDarkest = 400.0f, kBrightest = 20000.0f;
+
+}  // namespace
+
+EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<drivers::Person> persons, double rate, std::shared_ptr<hal::Clock> clock) {
+  if (settings.cameras.empty()) settings.cameras = camera_ring();
+  EmulatedScene scene;
+  const DepthCameraParameters lens = typical_camera();
+  for (std::size_t i = 0; i < settings.cameras.size(); ++i) {
+    auto& camera = settings.cameras[i];
+    camera.intrinsics = unmirrored_intrinsics(lens);
+    camera.depth_scale = 0.0001;  // finer than the sensor's own noise
+    camera.serial = "00000000000" + std::to_string(i + 1);
+  }
+  scene.cameras = settings.cameras;
+  scene.bus = make_emulated_bus(clock);
+  // Noise is the renderer's: the scene's setting stands for the whole sensor.
+  const std::uint64_t seed = settings.seed;
+  SceneViews views = make_scene_views(std::move(settings), std::move(persons), std::move(clock));
+  scene.truth = std::move(views.truth);
+  for (auto& frame : views.background) {
+    for (auto& count : frame.depth) count = static_cast<std::uint16_t>((count + 5) / 10);
+    scene.background.push_back(std::move(frame));
+  }
+  for (std::size_t i = 0; i < scene.cameras.size(); ++i) {
+    auto picture = std::make_shared<std::vector<std::uint16_t>>(kPixels);
+    auto look = views.cameras[i];
+    View view = [look, picture](hal::MonotonicTime at, std::span<float> depth, std::span<float> infrared) {
+      look(at, *picture);
+      for (int r = 0; r < kHeight; ++r)
+        for (int c = 0; c < kWidth; ++c) {
+          const auto from = static_cast<std::size_t>(r * kWidth + kWidth - 1 - c), to = static_cast<std::size_t>(r * kWidth + c);
+          const float z = 0.1f * static_cast<float>((*picture)[from]);
+          const float metres = 0.001f * z;
+          depth[to] = z;
+          infrared[to] = z > 0 ? std::clamp(kBrightness / (metres * metres), kDarkest, kBrightest) : 0.0f;
+        }
+    };
+    scene.bus->add({.serial = scene.cameras[i].serial, .rate = rate, .seed = seed + i, .camera = lens, .view = std::move(view)});
+  }
+  return scene;
+}
+
+}  // namespace booth::drivers::kinect2::emulator

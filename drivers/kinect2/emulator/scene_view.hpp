@@ -1,0 +1,22 @@
+// The embedded booth for the real driver: emulated sensors that see the simulated scene.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "drivers/kinect2/emulator/emulated_bus.hpp"
+#include "drivers/synthetic/scene.hpp"
+
+namespace booth::drivers::kinect2::emulator {
+
+struct EmulatedScene {
+  std::shared_ptr<EmulatedBus> bus;
+  std::vector<hal::CameraDescription> cameras;  ///< with the serials of the emulated devices, device i of the bus at place i
+  std::shared_ptr<const hal::GroundTruth> truth;
+  std::vector<hal::DepthFrame> background;
+};
+
+/// One device for each camera of the scene (empty: the ring of four), each with the lens of typical_camera(). Scene time begins now.
+EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<drivers::Person> persons, double rate, std::shared_ptr<hal::Clock> clock);
+
+}  // namespace booth::drivers::kinect2::emulator
