@@ -14,14 +14,14 @@ inline constexpr std::size_t kPixels = std::size_t{kWidth} * kHeight;
 
 // One frame is ten packed images; one image on the wire is followed by a footer.
 inline constexpr int kImages = 10;
-inline constexpr std::size_t kRowBytes = 704;                      ///< 512 codes of 11 bits
-inline constexpr std::size_t kImageBytes = kRowBytes * kHeight;    ///< 298,496
+inline constexpr std::size_t kRowBytes = 704;                    ///< 512 codes of 11 bits
+inline constexpr std::size_t kImageBytes = kRowBytes * kHeight;  ///< 298,496
 inline constexpr std::size_t kFooterBytes = 152;
 inline constexpr std::size_t kSubImageBytes = kImageBytes + kFooterBytes;
 inline constexpr std::size_t kFrameBytes = kImages * kImageBytes;  ///< ten images without their footers, index 0 first
 inline constexpr unsigned kNeededImages = 0x1FF;                   ///< image 9 (emitter off) is not used
 
-inline constexpr std::size_t kPacketBytes = 33'792;                ///< of one 125 us service interval
+inline constexpr std::size_t kPacketBytes = 33'792;  ///< of one 125 us service interval
 inline constexpr int kPacketsPerTransfer = 8;
 
 inline constexpr std::uint8_t kCommandOut = 0x02, kReplyIn = 0x81, kColourIn = 0x83, kInfraredIn = 0x84;
