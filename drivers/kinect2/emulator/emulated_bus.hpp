@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "drivers/kinect2/calibration.hpp"
 #include "drivers/kinect2/emulator/faults.hpp"
 #include "drivers/usb/usb.hpp"
 #include "hal/clock.hpp"

@@ -95,7 +95,7 @@ void ForwardModel::encode(std::span<const float> depth_mm, std::span<const float
       const double d = zs + std::sqrt(std::max(0.0, zs * zs - kEmitter * z * rays_.xu[i]));
       const auto slot = static_cast<std::size_t>(slot_of(c));
       for (std::size_t f = 0; f < 3; ++f) {
-        const double turns = d / kBaseUnit / kPeriod[f] + offset_[f][i];
+        const double turns = d / kBaseUnit / kPeriod[f] - offset_[f][i];
         const auto phase = static_cast<float>(2 * std::numbers::pi * (turns - std::floor(turns)));
         const float amplitude = infrared[i] / static_cast<float>(16 * kFrequencyGain[f]);
         const float x = amplitude * std::cos(phase), y = amplitude * std::sin(phase);
