@@ -34,11 +34,12 @@ std::string found_serials(drivers::usb::Bus& bus) {
 std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus) {
   const auto& kinect = config.cameras.kinect2;
   const bool calibrated = !kinect.calibration.empty();
+  const auto nobody_named = [&] {
+    return std::runtime_error("cameras.kinect2.serials is empty: name the sensors in the order of their positions (" + found_serials(bus) + ")");
+  };
+  if (!calibrated && kinect.serials.empty()) throw nobody_named();
   const auto places = calibrated ? drivers::read_calibration(kinect.calibration) : drivers::camera_ring(static_cast<int>(kinect.serials.size()));
-  if (kinect.serials.empty() && !std::all_of(places.begin(), places.end(), [](const auto& p) { return !p.serial.empty(); }))
-    throw std::runtime_error("cameras.kinect2.serials is empty: name the sensors in the order of their positions (" + found_serials(bus) + ")");
-  if (kinect.serials.empty() && places.empty())
-    throw std::runtime_error("cameras.kinect2.serials is empty: name the sensors in the order of their positions (" + found_serials(bus) + ")");
+  if (kinect.serials.empty() && std::any_of(places.begin(), places.end(), [](const auto& p) { return p.serial.empty(); })) throw nobody_named();
   if (!kinect.serials.empty() && places.size() != kinect.serials.size())
     throw std::runtime_error(
         fmt::format("cameras.kinect2.serials names {} sensors, {} has {} positions", kinect.serials.size(), kinect.calibration, places.size()));

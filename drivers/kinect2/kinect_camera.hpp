@@ -23,17 +23,17 @@ struct PowerTools {
 struct KinectShared {
   std::shared_ptr<usb::Bus> bus;
   std::shared_ptr<hal::Clock> clock;
-  std::shared_ptr<CalibrationCache> cache;  ///< null: calibration is read from the device at each start of the daemon
+  std::shared_ptr<CalibrationCache> cache{};  ///< null: calibration is read from the device at each start of the daemon
   std::shared_ptr<ResetGate> gate = std::make_shared<ResetGate>();
-  PowerTools power;
+  PowerTools power{};
 };
 
 struct KinectSettings {
   hal::CameraIndex index{};
   std::string serial;
   std::string name;  ///< of its position
-  hal::RigidTransform camera_to_world;
-  DecoderSettings decoder;
+  hal::RigidTransform camera_to_world{};
+  DecoderSettings decoder{};
   int transfers = 24;         ///< of one millisecond each; 24 take 6.5 MB of usbfs memory
   bool colour = false;        ///< receive and check the colour stream (nobody uses it yet; it costs bus time)
   bool reset_on_open = true;  ///< nearly ends hangs after an unclean exit

@@ -66,9 +66,9 @@ class StreamSink {
 struct StreamSettings {
   std::uint8_t endpoint = 0;
   bool isochronous = false;
-  std::size_t packet_bytes = 0;      ///< isochronous: of one packet; bulk: of one transfer
-  int packets_per_transfer = 1;      ///< isochronous only
-  int transfers = 1;                 ///< all allocated when the stream is opened
+  std::size_t packet_bytes = 0;  ///< isochronous: of one packet; bulk: of one transfer
+  int packets_per_transfer = 1;  ///< isochronous only
+  int transfers = 1;             ///< all allocated when the stream is opened
 };
 
 /// Transfers in flight. Its memory is taken when it is opened; nothing is allocated per packet.

@@ -96,6 +96,7 @@ TEST(Reference, EveryPackageThatTheBuildLooksForIsInTheList) {
                                                                 {"fastcdr", "libfastcdr-dev"},
                                                                 {"SQLite3", "libsqlite3-dev"},
                                                                 {"SQLITE", "libsqlite3-dev"},
+                                                                {"LIBUSB", "libusb-1.0-0-dev"},
                                                                 {"ZSTD", "libzstd-dev"},
                                                                 {"zstd", "libzstd-dev"},
                                                                 {"benchmark", "libbenchmark-dev"},
