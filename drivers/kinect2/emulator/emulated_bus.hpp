@@ -20,10 +20,10 @@ using View = std::function<void(hal::MonotonicTime at, std::span<float> depth, s
 
 struct EmulatedDeviceSettings {
   std::string serial = "000000000001";
-  double rate = 30.0;                         ///< frames per second
-  double noise_counts = 0;                    ///< standard deviation added to each phase image before coding
+  double rate = 30.0;       ///< frames per second
+  double noise_counts = 0;  ///< standard deviation added to each phase image before coding
   std::uint64_t seed = 1;
-  DepthCameraParameters camera;               ///< what the device says of its lens and what it renders with
+  DepthCameraParameters camera;  ///< what the device says of its lens and what it renders with
   bool zero_phase_offsets = false;
   View view;
 };
