@@ -1,7 +1,7 @@
 // Contexts, handles and transfers of libusb, each owned by one object; one event thread for each opened device.
 #include "drivers/usb/libusb_bus.hpp"
 
-#include <libusb.h>
+#include <libusb-1.0/libusb.h>
 
 #include <algorithm>
 #include <array>

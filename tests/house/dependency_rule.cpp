@@ -24,7 +24,6 @@ std::string library_of(const std::string& header) {
                                                     {"flann/", "FLANN"},
                                                     {"libusb-1.0/", "libusb"},
                                                     {"gpiod.h", "libgpiod"},
-                                                    {"libusb.h", "libusb"},
                                                     {"png.h", "libpng"},
                                                     {"sqlite3.h", "SQLite"},
                                                     {"fastcdr/", "Fast-CDR"},
