@@ -1,7 +1,12 @@
-// boothctl bench: what can be measured or proved without a booth. So far: the fit signature.
+// boothctl bench: the fit signature, and the measurements of booth-bench, a program of the test tree that boothctl runs where it is installed.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -10,16 +15,38 @@
 #include "daemon/pipeline/fit_signature.hpp"
 
 namespace booth::daemon {
+namespace {
 
-void add_bench_verb(CLI::App& app) {
+/// Beside boothctl in a build, in the private folder of an installation; empty where it is not installed.
+std::filesystem::path bench_program() {
+  std::error_code error;
+  const auto folder = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
+  for (const auto& candidate : {folder / "booth-bench", folder.parent_path() / "lib/boothd/booth-bench"})
+    if (!error && ::access(candidate.c_str(), X_OK) == 0) return candidate;
+  return {};
+}
+
+/// Becomes booth-bench; returns only by an exception.
+[[noreturn]] void become_bench(const std::string& task, const std::vector<std::string>& rest) {
+  const auto program = bench_program();
+  if (program.empty())
+    throw VerbFailure(fmt::format("bench {}: booth-bench is not installed beside boothctl; it comes with a build of the source tree (toolchain/test)", task));
+  std::vector<std::string> words{program.string(), task};
+  words.insert(words.end(), rest.begin(), rest.end());
+  std::vector<char*> arguments;
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  ::execv(program.c_str(), arguments.data());
+  throw VerbFailure(fmt::format("bench {}: {} cannot be started: {}", task, program.string(), std::strerror(errno)));
+}
+
+void add_signature_verb(CLI::App& bench) {
   struct Options {
     int threads = 2, frames = kGoldenFrames;
     bool json = false;
   };
   auto options = std::make_shared<Options>();
-  CLI::App* bench = app.add_subcommand("bench", "Measurements that need no booth");
-  bench->require_subcommand(1);
-  CLI::App* verb = bench->add_subcommand("signature", "A hash over the fitted parameters of the golden frames (tests/golden/signature.txt)");
+  CLI::App* verb = bench.add_subcommand("signature", "A hash over the fitted parameters of the golden frames (tests/golden/signature.txt)");
   verb->add_option("--threads", options->threads, "Worker threads; the signature does not depend on it")->check(CLI::Range(1, 64))->capture_default_str();
   verb->add_option("--frames", options->frames, "How many frames; the committed signature is that of the default")
       ->check(CLI::Range(1, 100000))
@@ -35,6 +62,23 @@ void add_bench_verb(CLI::App& app) {
       std::cout << signature << "\n";
     }
   });
+}
+
+}  // namespace
+
+void add_bench_verb(CLI::App& app) {
+  CLI::App* bench = app.add_subcommand("bench", "Measurements that need no booth");
+  bench->require_subcommand(1);
+  add_signature_verb(*bench);
+  struct Task {
+    const char *name, *what;
+  };
+  for (const Task task : {Task{"decode", "Kinect v2 depth decoder, each kernel against the scalar reference"}}) {
+    CLI::App* verb = bench->add_subcommand(task.name, task.what);
+    verb->prefix_command();
+    verb->set_help_flag();  // booth-bench knows the options
+    verb->callback([verb, task] { become_bench(task.name, verb->remaining()); });
+  }
 }
 
 }  // namespace booth::daemon
