@@ -6,7 +6,9 @@ target_compile_options(booth_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow
   # The same bits in debug and release and on every x86-64: no fused multiply-add that the source does not ask for.
   -ffp-contract=off)
 # One alignment in every translation unit and in every library that was built against Eigen, whatever -m flags a file gets.
-target_compile_definitions(booth_options INTERFACE EIGEN_MAX_ALIGN_BYTES=16 EIGEN_MPL2_ONLY)
+# Eigen cuts large products into blocks by the sizes of the processor's caches, and with them the order of its sums: without its look at the processor
+# every machine cuts alike and gives the same bits.
+target_compile_definitions(booth_options INTERFACE EIGEN_MAX_ALIGN_BYTES=16 EIGEN_NO_CPUID EIGEN_MPL2_ONLY)
 if(BOOTHD_WERROR)
   target_compile_options(booth_options INTERFACE -Werror)
 endif()

@@ -1,6 +1,7 @@
 // The fit gives the bits that are checked in, on every run and for any number of threads.
 #include <gtest/gtest.h>
 
+#include <Eigen/Core>
 #include <fstream>
 
 #include "daemon/pipeline/fit_signature.hpp"
@@ -21,6 +22,13 @@ TEST(FitSignature, DoesNotDependOnThreads) {
   constexpr int kFrames = 8;
   const std::string one = golden_signature(1, kFrames);
   EXPECT_EQ(golden_signature(3, kFrames), one);
+}
+
+TEST(FitSignature, DoesNotDependOnTheProcessorsCaches) {
+  // What Eigen assumes where it does not ask: the sizes by which it cuts products into blocks, and so the order of their sums.
+  EXPECT_EQ(Eigen::l1CacheSize(), 32 * 1024);
+  EXPECT_EQ(Eigen::l2CacheSize(), 256 * 1024);
+  EXPECT_EQ(Eigen::l3CacheSize(), 2 * 1024 * 1024);
 }
 
 TEST(FitSignature, SeesASingleBit) {
