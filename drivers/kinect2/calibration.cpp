@@ -1,6 +1,8 @@
 // Parsing the calibration pages: everything a device says is checked before a table is built from it.
 #include "drivers/kinect2/calibration.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
 
@@ -18,29 +20,49 @@ void need(std::span<const std::byte> reply, std::size_t bytes, const char* what)
     throw std::runtime_error(std::string(what) + ": the device sent " + std::to_string(reply.size()) + " bytes, " + std::to_string(bytes) + " are needed");
 }
 
-double ranged(double value, double low, double high, const char* name) {
-  if (!(value >= low && value <= high))
-    throw std::runtime_error(std::string("depth camera parameters: ") + name + " is " + std::to_string(value) + ", expected from " + std::to_string(low) +
-                             " to " + std::to_string(high));
-  return value;
+void ranged(const char* page, double value, double low, double high, const std::string& name) {
+  if (value >= low && value <= high) return;
+  throw std::runtime_error(std::string(page) + ": " + name + " is " + std::to_string(value) + ", expected from " + std::to_string(low) + " to " +
+                           std::to_string(high));
 }
 
 }  // namespace
 
+void check(const DepthCameraParameters& p) {
+  constexpr const char* kPage = "depth camera parameters";
+  ranged(kPage, p.fx, 300, 450, "fx");
+  ranged(kPage, p.fy, 300, 450, "fy");
+  ranged(kPage, p.cx, 200, 320, "cx");
+  ranged(kPage, p.cy, 150, 280, "cy");
+  // Known lenses have |k| below 0.3; beyond these limits the model folds over inside the picture.
+  ranged(kPage, p.k1, -1, 1, "k1");
+  ranged(kPage, p.k2, -1, 1, "k2");
+  ranged(kPage, p.p1, -0.1, 0.1, "p1");
+  ranged(kPage, p.p2, -0.1, 0.1, "p2");
+  ranged(kPage, p.k3, -1, 1, "k3");
+}
+
+void check(const ColourCameraParameters& p) {
+  constexpr const char* kPage = "colour camera parameters";
+  ranged(kPage, p.fc, 100, 10'000, "the focal length");
+  ranged(kPage, p.ccx, -10'000, 10'000, "ccx");
+  ranged(kPage, p.ccy, -10'000, 10'000, "ccy");
+  ranged(kPage, p.d0, 1, 100'000, "the nominal depth");
+  ranged(kPage, p.b, -1000, 1000, "the displacement");
+  for (std::size_t i = 0; i < 10; ++i) {
+    ranged(kPage, p.x[i], -1e6, 1e6, "coefficient x" + std::to_string(i));
+    ranged(kPage, p.y[i], -1e6, 1e6, "coefficient y" + std::to_string(i));
+  }
+}
+
 DepthCameraParameters parse_depth_camera(std::span<const std::byte> reply) {
   need(reply, kDepthCameraBytes, "depth camera parameters");
   const auto at = [&](std::size_t i) { return static_cast<double>(read_f32(reply, 4 * i)); };
-  DepthCameraParameters p;
-  p.fx = ranged(at(0), 300, 450, "fx");
-  p.fy = ranged(at(1), 300, 450, "fy");
-  p.cx = ranged(at(3), 200, 320, "cx");
-  p.cy = ranged(at(4), 150, 280, "cy");
-  // Known lenses have |k| below 0.3; beyond these limits the model folds over inside the picture.
-  p.k1 = ranged(at(5), -1, 1, "k1");
-  p.k2 = ranged(at(6), -1, 1, "k2");
-  p.p1 = ranged(at(7), -0.1, 0.1, "p1");
-  p.p2 = ranged(at(8), -0.1, 0.1, "p2");
-  p.k3 = ranged(at(9), -1, 1, "k3");
+  // Words that nobody uses are checked too: where they are no numbers, the others are not to be trusted.
+  for (std::size_t i = 0; i < kDepthCameraBytes / 4; ++i)
+    if (!std::isfinite(at(i))) throw std::runtime_error("depth camera parameters: number " + std::to_string(i) + " is not finite");
+  DepthCameraParameters p{.fx = at(0), .fy = at(1), .cx = at(3), .cy = at(4), .k1 = at(5), .k2 = at(6), .p1 = at(7), .p2 = at(8), .k3 = at(9)};
+  check(p);
   return p;
 }
 
@@ -56,24 +78,28 @@ PhaseOffsets parse_phase_offsets(std::span<const std::byte> reply) {
   return out;
 }
 
+std::string unusual_phase_header(std::span<const std::byte> reply) {
+  // Header size, frequencies, bytes of a frequency, of a table and of a multiplier; the sizes of what follows the tables are anybody's guess.
+  constexpr std::array<std::uint32_t, 5> kUsual{32, 3, 2, 2 * kPixels, 2};
+  std::string words;
+  bool usual = reply.size() >= kPhaseHeaderBytes;
+  for (std::size_t i = 0; i < kPhaseHeaderBytes / 4 && 4 * i + 4 <= reply.size(); ++i) {
+    const std::uint32_t word = read_u32(reply, 4 * i);
+    words += (i == 0 ? "" : " ") + std::to_string(word);
+    usual = usual && (i >= kUsual.size() || word == kUsual[i]);
+  }
+  return usual ? "" : "the phase offset tables have an unusual header (" + words + ")";
+}
+
 ColourCameraParameters parse_colour_camera(std::span<const std::byte> reply) {
   need(reply, kColourCameraBytes, "colour camera parameters");
-  const auto at = [&](std::size_t i) {
-    const auto value = static_cast<double>(read_f32(reply, 1 + 4 * i));
-    if (!std::isfinite(value)) throw std::runtime_error("colour camera parameters: number " + std::to_string(i) + " is not finite");
-    return value;
-  };
-  ColourCameraParameters p;
-  p.fc = at(0);
-  p.ccx = at(1);
-  p.ccy = at(2);
-  p.d0 = at(3);
-  p.b = at(4);
-  if (!(p.fc > 100 && p.fc < 10'000) || !(p.d0 > 0)) throw std::runtime_error("colour camera parameters: focal length or nominal depth is out of range");
+  const auto at = [&](std::size_t i) { return static_cast<double>(read_f32(reply, 1 + 4 * i)); };
+  ColourCameraParameters p{.fc = at(0), .ccx = at(1), .ccy = at(2), .d0 = at(3), .b = at(4), .x = {}, .y = {}};
   for (std::size_t i = 0; i < 10; ++i) {
     p.x[i] = at(5 + i);
     p.y[i] = at(15 + i);
   }
+  check(p);
   return p;
 }
 
@@ -97,6 +123,17 @@ std::string parse_firmware(std::span<const std::byte> reply) {
   const std::uint32_t version = read_u32(reply, kMainApplication);
   return std::to_string(version >> 16) + "." + std::to_string(version & 0xFFFF) + "." + std::to_string(read_u32(reply, kMainApplication + 4)) + "." +
          std::to_string(read_u32(reply, kMainApplication + 8));
+}
+
+std::string parse_board(std::span<const std::byte> reply) {
+  constexpr std::size_t kBoard = 0x48;
+  std::string board;
+  for (std::size_t at = kBoard; at < std::min(reply.size(), kHardwareBytes); ++at) {
+    const auto c = std::to_integer<unsigned char>(reply[at]);
+    if (c <= ' ' || c > '~') break;
+    board += static_cast<char>(c);
+  }
+  return board;
 }
 
 hal::Intrinsics unmirrored_intrinsics(const DepthCameraParameters& p) {

@@ -37,12 +37,21 @@ struct Calibration {
   ColourCameraParameters colour;
 };
 
+/// Throws std::runtime_error naming the first number that cannot belong to such a sensor: tables made from it would be nonsense.
+void check(const DepthCameraParameters& parameters);
+void check(const ColourCameraParameters& parameters);
+
 // Each throws std::runtime_error with what is wrong; nothing is taken from a reply that is too short, not finite or out of range.
 DepthCameraParameters parse_depth_camera(std::span<const std::byte> reply);
 PhaseOffsets parse_phase_offsets(std::span<const std::byte> reply);
 ColourCameraParameters parse_colour_camera(std::span<const std::byte> reply);
+/// What is unusual about the header of the phase offset tables, for the log; empty for the header that all known sensors have. Nothing depends on it.
+std::string unusual_phase_header(std::span<const std::byte> reply);
+/// Letters and digits up to a zero code unit or the end of the reply.
 std::string parse_serial(std::span<const std::byte> reply);
 std::string parse_firmware(std::span<const std::byte> reply);
+/// The board's code, e.g. "GMF631.1X", of the hardware information; empty where there is none. Only for the log.
+std::string parse_board(std::span<const std::byte> reply);
 
 /// For the HAL's image, which is not mirrored: column 511 - c of the device's, pixel (0, 0) is the centre of the first pixel.
 hal::Intrinsics unmirrored_intrinsics(const DepthCameraParameters& parameters);

@@ -1,12 +1,14 @@
-// The file: magic, lengths, numbers, tables, and an FNV-1a checksum over all of it.
+// The file, little-endian on every machine: magic with the layout's version, names, numbers, tables, and an FNV-1a checksum over all of it.
 #include "drivers/kinect2/calibration_cache.hpp"
 
 #include <fcntl.h>
 #include <unistd.h>
 
 #include <array>
+#include <bit>
 #include <cstring>
 #include <fstream>
+#include <stdexcept>
 
 #include "drivers/kinect2/bytes.hpp"
 #include "drivers/kinect2/layout.hpp"
@@ -14,7 +16,7 @@
 namespace booth::drivers::kinect2 {
 namespace {
 
-constexpr std::array<char, 8> kMagic{'k', '2', 'c', 'a', 'l', '0', '1', '\n'};
+constexpr std::array<char, 8> kMagic{'k', '2', 'c', 'a', 'l', '0', '2', '\n'};
 constexpr std::size_t kNameBytes = 64, kNumbers = 9 + 5 + 20;
 constexpr std::size_t kBodyBytes = kMagic.size() + 2 * kNameBytes + 8 * kNumbers + 3 * 2 * kPixels;
 
@@ -69,7 +71,7 @@ std::vector<std::byte> to_bytes(const Calibration& calibration) {
     at += kNameBytes;
   }
   for_each_number(calibration, [&](double v) {
-    std::memcpy(bytes.data() + at, &v, 8);
+    write_u64(bytes, at, std::bit_cast<std::uint64_t>(v));
     at += 8;
   });
   for (const auto& table : calibration.phase.p0)
@@ -77,8 +79,7 @@ std::vector<std::byte> to_bytes(const Calibration& calibration) {
       write_u16(bytes, at, v);
       at += 2;
     }
-  const std::uint64_t sum = checksum(std::span<const std::byte>(bytes).first(kBodyBytes));
-  std::memcpy(bytes.data() + kBodyBytes, &sum, 8);
+  write_u64(bytes, kBodyBytes, checksum(std::span<const std::byte>(bytes).first(kBodyBytes)));
   return bytes;
 }
 
@@ -93,9 +94,8 @@ std::optional<Calibration> CalibrationCache::read(const std::filesystem::path& f
   std::vector<std::byte> bytes(kBodyBytes + 8 + 1);
   in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   if (in.gcount() != static_cast<std::streamsize>(kBodyBytes + 8)) return std::nullopt;
-  std::uint64_t sum = 0;
-  std::memcpy(&sum, bytes.data() + kBodyBytes, 8);
-  if (std::memcmp(bytes.data(), kMagic.data(), kMagic.size()) != 0 || sum != checksum(std::span<const std::byte>(bytes).first(kBodyBytes))) return std::nullopt;
+  const auto body = std::span<const std::byte>(bytes).first(kBodyBytes);
+  if (std::memcmp(bytes.data(), kMagic.data(), kMagic.size()) != 0 || read_u64(bytes, kBodyBytes) != checksum(body)) return std::nullopt;
   Calibration out;
   std::size_t at = kMagic.size();
   for (std::string* name : {&out.serial, &out.firmware}) {
@@ -104,7 +104,7 @@ std::optional<Calibration> CalibrationCache::read(const std::filesystem::path& f
     at += kNameBytes;
   }
   for_each_number(out, [&](double& v) {
-    std::memcpy(&v, bytes.data() + at, 8);
+    v = std::bit_cast<double>(read_u64(bytes, at));
     at += 8;
   });
   for (auto& table : out.phase.p0) {
@@ -113,6 +113,12 @@ std::optional<Calibration> CalibrationCache::read(const std::filesystem::path& f
       v = read_u16(bytes, at);
       at += 2;
     }
+  }
+  try {
+    check(out.depth);  // what a checksum cannot know: whether the numbers were good when it was made
+    check(out.colour);
+  } catch (const std::runtime_error&) {
+    return std::nullopt;
   }
   return out;
 }
@@ -125,14 +131,17 @@ std::optional<Calibration> CalibrationCache::load(const std::string& serial, con
 }
 
 std::optional<Calibration> CalibrationCache::load_latest(const std::string& serial) const {
+  if (!is_name(serial, false)) return std::nullopt;
   std::optional<Calibration> latest;
   std::filesystem::file_time_type newest{};
   std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(folder_, error)) {
+  for (std::filesystem::directory_iterator at(folder_, error), end; !error && at != end; at.increment(error)) {
+    const auto& entry = *at;
     const std::string name = entry.path().filename().string();
     if (!name.starts_with(serial + "-") || !name.ends_with(".calibration")) continue;
-    const auto written = entry.last_write_time(error);
-    if (error || (latest && written <= newest)) continue;
+    std::error_code gone;
+    const auto written = entry.last_write_time(gone);
+    if (gone || (latest && written <= newest)) continue;
     if (auto found = read(entry.path()); found && found->serial == serial) {
       latest = std::move(found);
       newest = written;

@@ -13,7 +13,7 @@ namespace booth::drivers::kinect2 {
 class CalibrationCache {
  public:
   explicit CalibrationCache(std::filesystem::path folder) : folder_(std::move(folder)) {}
-  /// Nothing when there is none or when it is damaged: then the device is asked again.
+  /// Nothing when there is none, when it is damaged, of another version or out of range: then the device is asked again.
   std::optional<Calibration> load(const std::string& serial, const std::string& firmware) const;
   /// Of whatever firmware, the one written last: for a start without the device.
   std::optional<Calibration> load_latest(const std::string& serial) const;

@@ -25,6 +25,10 @@ bool is_expected_jpeg(std::span<const std::byte> jpeg) {
   if (jpeg.size() < 4 || !has_marker(jpeg, 0, 0xD8)) return false;
   for (std::size_t at = 2; at + 4 <= jpeg.size();) {
     if (std::to_integer<unsigned>(jpeg[at]) != 0xFF) return false;
+    if (std::to_integer<unsigned>(jpeg[at + 1]) == 0xFF) {  // a marker may be preceded by any number of these
+      ++at;
+      continue;
+    }
     const unsigned marker = std::to_integer<unsigned>(jpeg[at + 1]);
     const std::size_t length = big_endian(jpeg, at + 2);
     if (length < 2 || at + 2 + length > jpeg.size()) return false;
@@ -40,8 +44,14 @@ bool is_expected_jpeg(std::span<const std::byte> jpeg) {
 
 ColourParser::ColourParser(std::function<void(const ColourFrame&)> on_frame) : on_frame_(std::move(on_frame)), message_(kColourMessageBytes) {}
 
+void ColourParser::reset() {
+  filled_ = 0;
+  discarding_ = begun_ = false;
+}
+
 void ColourParser::drop(std::size_t last_transfer) {
-  ++broken_;
+  broken_ += begun_;  // a stream may begin in the middle of a message: that one is nobody's fault
+  begun_ = true;
   filled_ = 0;
   // What follows belongs to the same message until a short transfer has ended it.
   discarding_ = last_transfer == kColourTransferBytes;
@@ -56,6 +66,7 @@ void ColourParser::push(usb::Status status, std::span<const std::byte> data, hal
     discarding_ = data.size() == kColourTransferBytes;
     return;
   }
+  if (filled_ == 0 && data.empty()) return;  // ends a message that filled its last transfer
   if (filled_ + data.size() > message_.size()) return drop(data.size());
   if (!data.empty()) std::memcpy(message_.data() + filled_, data.data(), data.size());
   filled_ += data.size();
@@ -82,6 +93,7 @@ bool ColourParser::emit() {
     if (has_marker(jpeg, jpeg.size() - 2, 0xD9)) {
       if (!is_expected_jpeg(jpeg)) return false;
       ++frames_;
+      begun_ = true;
       on_frame_({.sequence = read_u32(message, 0),
                  .timestamp = read_u32(message, t + 20),
                  .exposure_ms = read_f32(message, t + 24),

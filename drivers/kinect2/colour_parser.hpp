@@ -25,7 +25,10 @@ class ColourParser {
   explicit ColourParser(std::function<void(const ColourFrame&)> on_frame);
   /// One completed transfer; a full one has kColourTransferBytes.
   void push(usb::Status status, std::span<const std::byte> data, hal::MonotonicTime arrived);
+  /// For a new stream: forgets what was begun; counters go on.
+  void reset();
   std::uint64_t frames() const { return frames_; }
+  /// Messages that were dropped, the first one of the stream excepted.
   std::uint64_t broken() const { return broken_; }
 
  private:
@@ -35,7 +38,7 @@ class ColourParser {
   std::function<void(const ColourFrame&)> on_frame_;
   std::vector<std::byte> message_;
   std::size_t filled_ = 0;
-  bool discarding_ = false;
+  bool discarding_ = false, begun_ = false;
   std::uint64_t frames_ = 0, broken_ = 0;
 };
 

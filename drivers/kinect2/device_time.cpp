@@ -11,6 +11,8 @@ namespace {
 
 constexpr double kStretch = 1.0;      // seconds
 constexpr double kJump = 0.5;         // seconds
+constexpr double kLate = 0.05;        // seconds
+constexpr int kLateInARow = 15;       // frames; no load of the host delays so many by so much and none by less
 constexpr double kSteepest = 500e-6;  // beyond any crystal: a fit that says so has too little to go by
 constexpr int kEnoughForSlope = 8;    // stretches
 
@@ -24,6 +26,7 @@ void DeviceTime::begin(std::uint32_t ticks, hal::MonotonicTime arrived) {
   stretches_ = next_ = 0;
   current_ = {0, 0};
   stretch_began_ = slope_ = base_ = base_at_ = 0;
+  late_ = 0;
 }
 
 void DeviceTime::close_stretch() {
@@ -49,13 +52,21 @@ void DeviceTime::close_stretch() {
   }
 }
 
+void DeviceTime::reset() {
+  const auto last = last_;
+  *this = DeviceTime(delay_);
+  last_ = last;
+}
+
 hal::MonotonicTime DeviceTime::to_host(std::uint32_t ticks, hal::MonotonicTime arrived) {
   if (!begun_) begin(ticks, arrived);
   ticks_ += static_cast<std::int32_t>(ticks - last_ticks_);
   last_ticks_ = ticks;
   double device = static_cast<double>(ticks_) / kTicksPerSecond;
   double offset = hal::seconds(arrived - origin_) - device;
-  if (std::abs(offset - (base_ + slope_ * (device - base_at_))) > kJump) {
+  const double above = offset - (base_ + slope_ * (device - base_at_));
+  late_ = above > kLate ? late_ + 1 : 0;
+  if (std::abs(above) > kJump || late_ >= kLateInARow) {
     ++jumps_;
     begin(ticks, arrived);
     device = offset = 0;

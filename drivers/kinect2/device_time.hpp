@@ -16,9 +16,10 @@ class DeviceTime {
   explicit DeviceTime(hal::Nanoseconds delay = std::chrono::milliseconds(30)) : delay_(delay) {}
 
   /// Ticks of 0.125 ms, wrapping at 2^32. Never after `arrived`, and always after what was returned before. A jump of the device's clock, of half a second
-  /// against the host's or more, begins a new line.
+  /// against the host's or more at once, of 50 ms or more after half a second of frames that all say so, begins a new line.
   hal::MonotonicTime to_host(std::uint32_t ticks, hal::MonotonicTime arrived);
-  void reset() { *this = DeviceTime(delay_); }
+  /// For a device that may count anew; what is returned goes on to grow.
+  void reset();
   double drift_ppm() const { return 1e6 * slope_; }
   int jumps() const { return jumps_; }
 
@@ -36,7 +37,7 @@ class DeviceTime {
   std::int64_t ticks_ = 0;
   hal::MonotonicTime origin_{}, last_{hal::MonotonicTime::min()};
   std::array<Lowest, kStretches> lowest_{};
-  int stretches_ = 0, next_ = 0, jumps_ = 0;
+  int stretches_ = 0, next_ = 0, jumps_ = 0, late_ = 0;
   Lowest current_{};
   double stretch_began_ = 0;
   double slope_ = 0, base_ = 0, base_at_ = 0;

@@ -34,7 +34,9 @@ InfraredCounters InfraredParser::counters() const {
 void InfraredParser::push(usb::Status status, std::span<const std::byte> data, hal::MonotonicTime arrived) {
   if (status != usb::Status::completed) {
     ++count_.broken_packets;
-    skip_ = true;
+    empty_ = 0;
+    // Between two images it may have been one of the empty packets, which nobody misses; if it was an image's first, that image will be too short.
+    skip_ = skip_ || filled_ > 0;
     return;
   }
   if (data.empty()) return empty_packet();
@@ -50,7 +52,8 @@ void InfraredParser::push(usb::Status status, std::span<const std::byte> data, h
 }
 
 void InfraredParser::empty_packet() {
-  if (++empty_ != kEmptyBetweenImages || (filled_ == 0 && !skip_)) return;
+  if (empty_ < kEmptyBetweenImages) ++empty_;
+  if (empty_ < kEmptyBetweenImages || (filled_ == 0 && !skip_)) return;
   ++count_.lost_images;  // its last packet was lost
   filled_ = 0;
   skip_ = false;
@@ -77,8 +80,7 @@ void InfraredParser::begin_frame(const Footer& footer) {
   if (sequence_) {
     if (!emitted_) ++count_.incomplete_frames;
     const std::uint32_t step = footer.sequence - *sequence_;
-    // A jump beyond ten minutes or backwards is a device that counts anew, not a loss.
-    if (step > 1 && step < 18'000) count_.lost_frames += step - 1;
+    if (step > 1 && step < kCountsAnew) count_.lost_frames += step - 1;
   }
   sequence_ = footer.sequence;
   timestamp_ = footer.timestamp;
@@ -87,10 +89,12 @@ void InfraredParser::begin_frame(const Footer& footer) {
 }
 
 void InfraredParser::accept(const Footer& footer, hal::MonotonicTime arrived) {
-  if (!sequence_ || footer.sequence != *sequence_) begin_frame(footer);
-  if (emitted_) return;  // image 9 after the other nine, or a repeated number
+  const unsigned bit = 1u << footer.index;
+  // An image that a whole frame has already belongs to another one: the device repeats its number.
+  if (!sequence_ || footer.sequence != *sequence_ || (emitted_ && (mask_ & bit) != 0)) begin_frame(footer);
+  mask_ |= bit;
+  if (emitted_) return;  // image 9 after the other nine
   std::memcpy(images_.data() + footer.index * kImageBytes, current_.data(), kImageBytes);
-  mask_ |= 1u << footer.index;
   if ((mask_ & kNeededImages) != kNeededImages) return;
   emitted_ = true;
   ++count_.frames;

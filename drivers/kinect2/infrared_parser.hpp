@@ -42,6 +42,8 @@ class InfraredParser {
   /// Forgets what was begun; counters go on.
   void reset();
   InfraredCounters counters() const;
+  /// A jump of the frame number by so much (ten minutes) or backwards is a device that counts anew, not a loss.
+  static constexpr std::uint32_t kCountsAnew = 18'000;
 
  private:
   void empty_packet();

@@ -7,6 +7,8 @@
 
 #include "drivers/kinect2/calibration_cache.hpp"
 #include "drivers/kinect2/decoder.hpp"
+#include "drivers/kinect2/notes.hpp"
+#include "drivers/kinect2/patience.hpp"
 #include "drivers/kinect2/recovery_ladder.hpp"
 #include "drivers/usb/usb.hpp"
 #include "hal/clock.hpp"
@@ -26,6 +28,7 @@ struct KinectShared {
   std::shared_ptr<CalibrationCache> cache{};  ///< null: calibration is read from the device at each start of the daemon
   std::shared_ptr<ResetGate> gate = std::make_shared<ResetGate>();
   PowerTools power{};
+  Notes notes{};
 };
 
 struct KinectSettings {
@@ -37,6 +40,7 @@ struct KinectSettings {
   int transfers = 24;         ///< of one millisecond each; 24 take 6.5 MB of usbfs memory
   bool colour = false;        ///< receive and check the colour stream (nobody uses it yet; it costs bus time)
   bool reset_on_open = true;  ///< nearly ends hangs after an unclean exit
+  Patience patience{};
 };
 
 /// Opens the device once to learn its calibration, unless the cache knows it. Throws std::runtime_error with the remedy when neither can be had.

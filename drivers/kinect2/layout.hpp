@@ -51,6 +51,6 @@ inline constexpr std::uint32_t kStatusParameter = 0x0009'0000;
 
 // Pages of `read_page`.
 enum class Page : std::uint32_t { serial = 1, phase_offsets = 2, depth_camera = 3, colour_camera = 4 };
-inline constexpr std::size_t kPhaseTablesBytes = 1'302'572, kDepthCameraBytes = 92, kColourCameraBytes = 12'981;
+inline constexpr std::size_t kPhaseTablesBytes = 1'302'572, kDepthCameraBytes = 92, kColourCameraBytes = 12'981, kHardwareBytes = 92;
 
 }  // namespace booth::drivers::kinect2

@@ -34,6 +34,7 @@ Rung RecoveryLadder::after(Trouble trouble) {
     next_ = static_cast<int>(Rung::reboot);
     return Rung::reopen;
   }
+  if (trouble == Trouble::absent) next_ = std::max(next_, static_cast<int>(Rung::reset_port));
   if (trouble == Trouble::failed) next_ = std::max(next_, static_cast<int>(Rung::reopen));
   if (trouble == Trouble::not_ready) next_ = std::max(next_, static_cast<int>(Rung::reboot));
   const auto rung = static_cast<Rung>(next_);

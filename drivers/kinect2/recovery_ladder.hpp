@@ -23,6 +23,7 @@ std::string_view to_string(Rung rung);
 enum class Trouble : std::uint8_t {
   stalled,    ///< it streams, but no complete frame came for two seconds
   vanished,   ///< it left the bus
+  absent,     ///< it left the bus and has not come back for longer than any reboot takes
   failed,     ///< a command failed or the stream could not be opened
   not_ready,  ///< its status never said that it may stream
 };
@@ -30,7 +31,8 @@ enum class Trouble : std::uint8_t {
 /// Not thread-safe; a pure table with a memory of how far it has climbed.
 class RecoveryLadder {
  public:
-  /// The rung to take now. A device that vanished starts again at `reopen`: what was tried on it before says nothing about the one that comes back.
+  /// The rung to take now. A device that vanished starts again at `reopen`: what was tried on it before says nothing about the one that comes back. For one
+  /// that stays away only its port and its controller can do something, once each.
   Rung after(Trouble trouble);
   /// A hundred good frames end the trouble.
   void delivered();
