@@ -2,6 +2,7 @@
 #include "tests/bench/harness/harness.hpp"
 
 #include <fmt/format.h>
+#include <time.h>
 
 #include <algorithm>
 #include <chrono>
@@ -19,6 +20,18 @@ double seconds_of(const auto& call) {
   const auto begin = Clock::now();
   call();
   return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+/// Processor time of this thread: what a neighbour takes from it does not count.
+double thread_seconds_of(const auto& call) {
+  const auto now = [] {
+    timespec t{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+  };
+  const double begin = now();
+  call();
+  return now() - begin;
 }
 
 double median(std::vector<double> values) {
@@ -48,14 +61,24 @@ double median_seconds(int repeats, fit::FunctionRef<void()> call) {
   return median(std::move(times));
 }
 
-std::vector<double> median_seconds_in_turns(int repeats, const std::vector<std::function<void()>>& calls) {
+namespace {
+std::vector<double> in_turns(int repeats, const std::vector<std::function<void()>>& calls, const auto& timed) {
   std::vector<std::vector<double>> times(calls.size());
   for (const auto& call : calls) call();
   for (int r = 0; r < std::max(1, repeats); ++r)
-    for (std::size_t i = 0; i < calls.size(); ++i) times[i].push_back(seconds_of(calls[i]));
+    for (std::size_t i = 0; i < calls.size(); ++i) times[i].push_back(timed(calls[i]));
   std::vector<double> out;
   for (auto& t : times) out.push_back(median(std::move(t)));
   return out;
+}
+}  // namespace
+
+std::vector<double> median_seconds_in_turns(int repeats, const std::vector<std::function<void()>>& calls) {
+  return in_turns(repeats, calls, [](const auto& call) { return seconds_of(call); });
+}
+
+std::vector<double> median_thread_seconds_in_turns(int repeats, const std::vector<std::function<void()>>& calls) {
+  return in_turns(repeats, calls, [](const auto& call) { return thread_seconds_of(call); });
 }
 
 double copy_seconds(std::size_t bytes) {

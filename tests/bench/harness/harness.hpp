@@ -46,6 +46,10 @@ double median_seconds(int repeats, fit::FunctionRef<void()> call);
 /// The same for several candidates, taken in turns, so that a disturbance of the machine meets them all alike. In the order of `calls`.
 std::vector<double> median_seconds_in_turns(int repeats, const std::vector<std::function<void()>>& calls);
 
+/// The same in processor time of the calling thread, for calls that use no other: on a shared machine a long call is interrupted more often than a short one,
+/// and wall time would flatter the short one.
+std::vector<double> median_thread_seconds_in_turns(int repeats, const std::vector<std::function<void()>>& calls);
+
 /// Seconds for a plain copy of so many bytes from and to memory that no cache holds: the memory floor of this machine in this run.
 double copy_seconds(std::size_t bytes);
 
