@@ -4,9 +4,9 @@
 #include <stdexcept>
 #include <vector>
 
-#include "fit/cloud/nearest_field.hpp"
 #include "fit/energy/terms.hpp"
 #include "fit/parallel.hpp"
+#include "fit/swarm/backend.hpp"
 #include "fit/track/booth_fitter.hpp"
 #include "fit/track/diagnostics.hpp"
 #include "fit/track/paper_fitter.hpp"
@@ -32,7 +32,7 @@ struct Estimator::Impl {
   std::shared_ptr<const PosePrior> prior;
   WorkerPool pool;
   std::vector<Candidate> candidates;
-  std::unique_ptr<NearestField> field;
+  std::unique_ptr<SwarmBackend> swarm;         ///< preset paper: one for all candidates
   Candidate* person = nullptr;                 ///< whose body is known
   Candidate* rival = nullptr;                  ///< the other sex's model while it has not been decided
   double person_energy = 0, rival_energy = 0;  ///< summed over the frames since both were adopted
@@ -50,16 +50,23 @@ struct Estimator::Impl {
       if (!model || (s.sex == SexChoice::men && model->sex() != Sex::men) || (s.sex == SexChoice::women && model->sex() != Sex::women)) continue;
       Candidate c;
       c.model = model;
-      if (s.preset == Preset::booth)
-        c.booth = std::make_unique<BoothFitter>(*model, *prior, pool);
-      else
-        c.paper = std::make_unique<PaperFitter>(*model, *prior, pool);
+      if (s.preset == Preset::booth) c.booth = std::make_unique<BoothFitter>(*model, *prior, pool);
       c.diagnostics = std::make_unique<Diagnostics>(*model);
       candidates.push_back(std::move(c));
     }
     if (candidates.empty()) throw std::invalid_argument("estimator: no body model for the sex that was asked for");
-    if (s.preset == Preset::paper) field = std::make_unique<NearestField>(NearestFieldSettings{.max_points = s.cloud_capacity});
+    if (s.preset == Preset::paper) make_paper_fitters();
     last = &candidates.front();
+  }
+
+  void make_paper_fitters() {
+    std::vector<const BodyModel*> models;
+    for (const Candidate& c : candidates) models.push_back(c.model.get());
+    swarm = make_cpu_swarm(
+        models, *prior,
+        {.energy = {.shape_count = PaperFitter::kShapeCount, .vertices = PaperFitter::kVertices}, .field = {.max_points = settings.cloud_capacity}}, pool);
+    for (std::size_t i = 0; i < candidates.size(); ++i)
+      candidates[i].paper = std::make_unique<PaperFitter>(*candidates[i].model, *prior, *swarm, static_cast<int>(i));
   }
 
   void reset() {
@@ -79,7 +86,7 @@ struct Estimator::Impl {
       if (initial) return c.booth->start_from(observation, {initial, 1});
       return searched ? c.booth->start_from(observation, searched->booth->finalists()) : c.booth->start(observation);
     }
-    return c.paper->step(observation, *field, Random(settings.seed, observation.frame), initial);
+    return c.paper->step(observation, {settings.seed, observation.frame}, initial);
   }
 
   void adopt(Candidate& c, const Observation& observation, const Solution& s) {
@@ -125,7 +132,7 @@ struct Estimator::Impl {
   }
 
   Solution follow(Candidate& c, const Observation& observation) {
-    Solution s = c.booth ? c.booth->track(observation) : c.paper->step(observation, *field, Random(settings.seed, observation.frame), nullptr);
+    Solution s = c.booth ? c.booth->track(observation) : c.paper->step(observation, {settings.seed, observation.frame}, nullptr);
     if (s.found && c.paper) c.paper->adopt(s);
     return s;
   }
@@ -167,13 +174,9 @@ struct Estimator::Impl {
       if (state != FitState::lost) c.diagnostics->covariance(c.booth->refiner().information(), result);
       result.body_accepted = c.booth->shape_settled() && !rival;
     } else {
-      std::vector<float>& particle = scratch;
-      particle.resize(static_cast<std::size_t>(c.paper->energy().dimensions()));
-      for (int k = 0; k < kDofs; ++k) particle[static_cast<std::size_t>(k)] = static_cast<float>(s.q[k]);
-      for (int k = 0; k < s.beta.size(); ++k) particle[static_cast<std::size_t>(kDofs + k)] = static_cast<float>(s.beta[k]);
       if (observation.cloud.size > 0 && state != FitState::lost) {
-        const PaperEnergy::Terms terms = c.paper->energy().evaluate(particle.data());
-        result.energy.point = terms.point, result.energy.plane = terms.plane;
+        const ParticleTerms terms = c.paper->terms(s);
+        result.energy.point = static_cast<double>(terms.point), result.energy.plane = static_cast<double>(terms.plane);
       }
       // The swarm gives no curvature: each joint is as uncertain as the cloud is far.
       const double variance = result.cloud_to_model.mean * result.cloud_to_model.mean;
@@ -181,10 +184,13 @@ struct Estimator::Impl {
       result.body_accepted = state == FitState::tracked;
     }
   }
-  std::vector<float> scratch;
+
+  void give_cloud(const Observation& observation) {
+    if (swarm && !swarm->set_cloud(observation.cloud)) following = false;
+  }
 
   void step(const Observation& observation) {
-    if (field) field->rebuild(observation.cloud, pool);
+    give_cloud(observation);
     if (following) {
       Solution s = follow(*person, observation);
       if (s.found) {
@@ -221,7 +227,7 @@ const FitResult& Estimator::step(const Observation& observation) {
 
 const FitResult& Estimator::fit(const Observation& observation, const PoseVector* initial) {
   impl_->reset();
-  if (impl_->field) impl_->field->rebuild(observation.cloud, impl_->pool);
+  impl_->give_cloud(observation);
   impl_->start(observation, initial, true);
   return impl_->result;
 }
@@ -232,7 +238,7 @@ const Vertices& Estimator::posed_vertices() const { return impl_->last->diagnost
 std::size_t Estimator::memory_bytes() const {
   std::size_t bytes = sizeof(Impl);
   for (const auto& c : impl_->candidates) bytes += c.booth ? c.booth->memory_bytes() : c.paper->memory_bytes();
-  if (impl_->field) bytes += impl_->field->memory_bytes();
+  if (impl_->swarm) bytes += impl_->swarm->memory_bytes();
   return bytes;
 }
 

@@ -96,13 +96,12 @@ PaperEnergy::Terms PaperEnergy::evaluate(const float* particle) const {
         for (int j = 0; j < 12; ++j) m[j] += weight_[at + static_cast<std::size_t>(k)] * transform[bone_[at + static_cast<std::size_t>(k)]][j];
       const float x = rest[lane], y = rest[kLane + lane], z = rest[2 * kLane + lane];
       const Eigen::Vector3f v(m[0] * x + m[1] * y + m[2] * z + m[3], m[4] * x + m[5] * y + m[6] * z + m[7], m[8] * x + m[9] * y + m[10] * z + m[11]);
-      const int nearest = field_->nearest(v);
-      if (nearest < 0) {
+      Eigen::Vector3f nearest;
+      if (!field_->nearest(v, nearest)) {
         point += kOutside, plane += kOutside;
         continue;
       }
-      const auto i = static_cast<std::size_t>(nearest);
-      const Eigen::Vector3f difference = v - Eigen::Vector3f(cloud_->x[i], cloud_->y[i], cloud_->z[i]);
+      const Eigen::Vector3f difference = v - nearest;
       const float a = rest[3 * kLane + lane], b = rest[4 * kLane + lane], c = rest[5 * kLane + lane];
       const Eigen::Vector3f n(m[0] * a + m[1] * b + m[2] * c, m[4] * a + m[5] * b + m[6] * c, m[8] * a + m[9] * b + m[10] * c);
       point += difference.norm();

@@ -4,8 +4,7 @@
 #include <vector>
 
 #include "fit/body/body_model.hpp"
-#include "fit/cloud/nearest_field.hpp"
-#include "fit/cloud/observation.hpp"
+#include "fit/cloud/brick_field.hpp"
 #include "fit/energy/terms.hpp"
 #include "fit/prior/pose_prior.hpp"
 
@@ -24,8 +23,8 @@ class PaperEnergy {
     double total(const PaperWeights& w) const { return w.point * point + w.plane * plane + w.shape * shape + w.bone * bone + w.pose * pose; }
   };
 
-  /// The cloud and the field over it must outlive the evaluations.
-  void set_observation(const Cloud& cloud, const NearestField& field) { cloud_ = &cloud, field_ = &field; }
+  /// The field must outlive the evaluations.
+  void set_field(const BrickField& field) { field_ = &field; }
   Terms evaluate(const float* particle) const;
   double energy(const float* particle) const { return evaluate(particle).total(weights_); }
 
@@ -42,8 +41,7 @@ class PaperEnergy {
   std::vector<float> shape_;  ///< per group: mean x, y, z and normal x, y, z, then for each coefficient the same six; kLane floats each
   std::vector<std::uint8_t> bone_;
   std::vector<float> weight_;
-  const Cloud* cloud_ = nullptr;
-  const NearestField* field_ = nullptr;
+  const BrickField* field_ = nullptr;
 };
 
 }  // namespace booth::fit

@@ -8,15 +8,9 @@
 
 #include "fit/parallel.hpp"
 #include "fit/swarm/random.hpp"
+#include "fit/swarm/swarm_settings.hpp"
 
 namespace booth::fit {
-
-struct SwarmSettings {
-  int particles = 2000;
-  int iterations = 10;
-  float inertia_first = 0.9f, inertia_last = 0.4f;  ///< linear in between (Bansal 2011, strategy "linear decreasing")
-  float cognitive = 1.49f, social = 1.49f;          ///< c1, c2
-};
 
 /// Global-best swarm. The result depends on the seed and the frame only, never on the number of threads: every random number is keyed by
 /// (particle, dimension, iteration) and the best particle is sought in index order.

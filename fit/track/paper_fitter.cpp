@@ -2,6 +2,7 @@
 #include "fit/track/paper_fitter.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <numbers>
 
 namespace booth::fit {
@@ -15,21 +16,21 @@ constexpr double kLostDistance = 150;                                       // m
 
 }  // namespace
 
-PaperFitter::PaperFitter(const BodyModel& model, const PosePrior& prior, WorkerPool& pool)
-    : model_(model), prior_(prior), energy_(model, prior, kShapeCount, kVertices), swarm_(SwarmSettings{}, energy_.dimensions(), pool) {
-  const auto n = static_cast<std::size_t>(energy_.dimensions());
+PaperFitter::PaperFitter(const BodyModel& model, const PosePrior& prior, SwarmBackend& backend, int index)
+    : model_(model), prior_(prior), backend_(backend), index_(index) {
+  const auto n = static_cast<std::size_t>(backend.dimensions(index));
   centres_.resize(kHeadings * n);
   deviation_.resize(n);
   last_.resize(n);
+  particle_.resize(n);
 }
 
-Solution PaperFitter::step(const Observation& observation, const NearestField& field, const Random& random, const PoseVector* initial) {
+Solution PaperFitter::step(const Observation& observation, const RandomKey& key, const PoseVector* initial) {
   Solution s;
-  const int n = energy_.dimensions();
+  const int n = backend_.dimensions(index_);
   s.beta = ShapeVector::Zero(n - kDofs);
   const Cloud& cloud = observation.cloud;
   if (cloud.size < 50) return s;
-  energy_.set_observation(cloud, field);
 
   for (int k = 0; k < 3; ++k) deviation_[k] = kMoveDeviation;
   for (int k = 3; k < kRootDofs; ++k) deviation_[k] = kTurnDeviation;
@@ -59,20 +60,27 @@ Solution PaperFitter::step(const Observation& observation, const NearestField& f
     }
   }
 
-  const float cost = swarm_.minimise({centres_.data(), static_cast<std::size_t>(starts * n)}, deviation_, random,
-                                     [&](int, const float* particle) { return static_cast<float>(energy_.energy(particle)); });
-  const std::span<const float> best = swarm_.best();
-  for (int k = 0; k < kDofs; ++k) s.q[k] = static_cast<double>(best[k]);
-  for (int k = kDofs; k < n; ++k) s.beta[k - kDofs] = static_cast<double>(best[k]);
-  s.report.energy = static_cast<double>(cost);
-  s.report.iterations = s.iterations = swarm_.settings().iterations;
-  s.found = energy_.evaluate(best.data()).point / kPaperVertices < kLostDistance;
+  SwarmResult swarm;
+  if (!backend_.minimise(index_, {centres_.data(), static_cast<std::size_t>(starts * n)}, deviation_, key, swarm)) return s;
+  for (int k = 0; k < kDofs; ++k) s.q[k] = static_cast<double>(swarm.best[static_cast<std::size_t>(k)]);
+  for (int k = kDofs; k < n; ++k) s.beta[k - kDofs] = static_cast<double>(swarm.best[static_cast<std::size_t>(k)]);
+  s.report.energy = static_cast<double>(swarm.cost);
+  s.report.iterations = s.iterations = backend_.settings().iterations;
+  s.found = static_cast<double>(terms(s).point) / kPaperVertices < kLostDistance;
   return s;
+}
+
+ParticleTerms PaperFitter::terms(const Solution& solution) {
+  for (int k = 0; k < kDofs; ++k) particle_[static_cast<std::size_t>(k)] = static_cast<float>(solution.q[k]);
+  for (int k = 0; k < solution.beta.size(); ++k) particle_[static_cast<std::size_t>(kDofs + k)] = static_cast<float>(solution.beta[k]);
+  ParticleTerms out{};
+  if (!backend_.evaluate(index_, particle_, out)) out.point = std::numeric_limits<float>::max();
+  return out;
 }
 
 void PaperFitter::adopt(const Solution& solution) {
   for (int k = 0; k < kDofs; ++k) last_[k] = static_cast<float>(solution.q[k]);
-  for (int k = kDofs; k < energy_.dimensions(); ++k) last_[k] = static_cast<float>(solution.beta[k - kDofs]);
+  for (int k = kDofs; k < backend_.dimensions(index_); ++k) last_[k] = static_cast<float>(solution.beta[k - kDofs]);
   known_ = true;
 }
 
