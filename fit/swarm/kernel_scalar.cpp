@@ -3,11 +3,26 @@
 #include "fit/swarm/swarm_group.hpp"
 
 namespace booth::fit {
+
+// kernel_vector.cpp, once for each instruction set.
+SwarmKernelFunction run_baseline, run_avx2, run_avx512;
+
 namespace {
 
 void run_scalar(const SwarmWork& work, int group) { run_group<ScalarLanes>(work, group); }
 
-constexpr SwarmKernel kKernels[] = {{"scalar", run_scalar, [] { return true; }}};
+constexpr SwarmKernel kKernels[] = {
+    {"scalar", run_scalar, [] { return true; }},
+    {"baseline", run_baseline, [] { return true; }},  // what every processor of the architecture has: SSE2, NEON
+#if defined(__x86_64__)
+    {"avx2", run_avx2, [] { return __builtin_cpu_supports("avx2") != 0; }},
+    {"avx512", run_avx512,
+     [] {
+       return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
+              __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512vnni");
+     }},
+#endif
+};
 
 }  // namespace
 
