@@ -1,0 +1,14 @@
+// A kernel of the swarm: particles side by side in vectors; compiled once for each instruction set.
+#include "fit/swarm/swarm_group.hpp"
+#include "fit/swarm/vector_lanes.hpp"
+
+#if !defined(BOOTH_SWARM_KERNEL) || !defined(BOOTH_SWARM_LANES)
+#error "BOOTH_SWARM_KERNEL must name the function (e.g. run_avx2) and BOOTH_SWARM_LANES the particles in a vector"
+#endif
+
+namespace booth::fit {
+
+void BOOTH_SWARM_KERNEL(const SwarmWork& work, int group);
+void BOOTH_SWARM_KERNEL(const SwarmWork& work, int group) { run_group<VectorLanes>(work, group); }
+
+}  // namespace booth::fit
