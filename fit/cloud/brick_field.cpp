@@ -92,9 +92,9 @@ void BrickField::rebuild(const Cloud& cloud, WorkerPool& pool) {
 
 bool BrickField::nearest(const Eigen::Vector3f& p, Eigen::Vector3f& out) const {
   const FieldView& f = view_;
-  Eigen::Vector3f at, d;
-  for (int c = 0; c < 3; ++c) at[c] = (p[c] - f.origin[c]) * f.inverse_cell;
-  if (field_difference<ScalarLanes>(f, at[0], at[1], at[2], d[0], d[1], d[2])) return false;
+  Eigen::Vector3f d;
+  for (int c = 0; c < 3; ++c) d[c] = (p[c] - f.origin[c]) * f.inverse_cell;
+  if (field_difference<ScalarLanes>(f, d[0], d[1], d[2])) return false;
   out = p - d * f.cell_size;
   return true;
 }

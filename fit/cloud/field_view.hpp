@@ -33,36 +33,45 @@ inline constexpr std::int32_t kNoPoint = -0x7fffffff - 1;
 /// A cell's value from offsets in steps; each must be within +-kOffsetLimit.
 BOOTH_HOST_DEVICE std::int32_t pack_offset(int x, int y, int z) { return (x & 1023) | (y & 1023) << 10 | (z & 1023) << 20; }
 
-/// The cell that answers for (x, y, z), in cells from the origin. `ix`, `iy`, `iz` come back as the low corner of its brick.
+/// Where to look: the index of the brick, and within it of the cell. (x, y, z), in cells from the origin, become relative to the brick's low corner.
 /// Infinite and not-a-number coordinates are safe: they are clamped (NaN to 0), that is, off the band.
 template <class L>
-BOOTH_HOST_DEVICE typename L::I look_up(const FieldView& f, typename L::F x, typename L::F y, typename L::F z, typename L::I& ix, typename L::I& iy,
-                                        typename L::I& iz) {
+BOOTH_HOST_DEVICE void locate(const FieldView& f, typename L::F& x, typename L::F& y, typename L::F& z, typename L::I& brick, typename L::I& local) {
   using F = typename L::F;
   using I = typename L::I;
-  const auto clamped = [](F v, float last) {
-    v = v > L::splat(0.0f) ? v : L::splat(0.0f);
-    return v < L::splat(last) ? v : L::splat(last);
-  };
-  ix = L::truncate(clamped(x, f.last[0])), iy = L::truncate(clamped(y, f.last[1])), iz = L::truncate(clamped(z, f.last[2]));
-  const I local = (ix & 3) | (iy & 3) << 2 | (iz & 3) << 4;
-  const I entry = L::gather(f.brick, L::pair_dot(ix >> 2, (iy >> 2) | (iz >> 2) << 16, L::splat(f.brick_strides)));
-  const I far = entry >> 31;
-  const I value = L::gather(f.cell, (entry ^ far) + (local & ~far));
-  ix = ix & ~3, iy = iy & ~3, iz = iz & ~3;
-  return value;
+  const auto clamped = [](F v, float last) { return L::truncate(L::smaller(L::larger(v, L::splat(0.0f)), L::splat(last))); };
+  const I ix = clamped(x, f.last[0]), iy = clamped(y, f.last[1]), iz = clamped(z, f.last[2]);
+  brick = L::pair_dot(ix >> 2, (iy >> 2) | (iz >> 2) << 16, L::splat(f.brick_strides));
+  local = (ix & 3) | (iy & 3) << 2 | (iz & 3) << 4;
+  x = x - L::to_float(ix & ~3), y = y - L::to_float(iy & ~3), z = z - L::to_float(iz & ~3);
 }
 
-/// Difference (x, y, z) less the nearest point, in cells; true (lane by lane) where there is no point within the band, with an undefined difference.
+/// The index of the cell that answers, given the brick's entry.
 template <class L>
-BOOTH_HOST_DEVICE auto field_difference(const FieldView& f, typename L::F x, typename L::F y, typename L::F z, typename L::F& dx, typename L::F& dy,
-                                        typename L::F& dz) {
-  typename L::I ix, iy, iz;
-  const typename L::I value = look_up<L>(f, x, y, z, ix, iy, iz);
-  dx = (x - L::to_float(ix)) - L::to_float((value << 22) >> 22) * f.step;
-  dy = (y - L::to_float(iy)) - L::to_float((value << 12) >> 22) * f.step;
-  dz = (z - L::to_float(iz)) - L::to_float((value << 2) >> 22) * f.step;
-  return value < L::splat(std::int32_t{0});
+BOOTH_HOST_DEVICE typename L::I cell_of(typename L::I entry, typename L::I local) {
+  const typename L::I far = entry >> 31;
+  return (entry ^ far) + (local & ~far);
+}
+
+/// (x, y, z), relative to the brick's low corner, less the nearest point, in cells; true (lane by lane) where there is no point within the band, with an
+/// undefined difference.
+template <class L>
+BOOTH_HOST_DEVICE auto subtract_nearest(const FieldView& f, typename L::I cell, typename L::F& x, typename L::F& y, typename L::F& z) {
+  x = x - L::to_float((cell << 22) >> 22) * f.step;
+  y = y - L::to_float((cell << 12) >> 22) * f.step;
+  z = z - L::to_float((cell << 2) >> 22) * f.step;
+  return cell < L::splat(std::int32_t{0});
+}
+
+/// All three steps: (x, y, z), in cells from the origin, becomes its difference from the nearest point.
+template <class L>
+BOOTH_HOST_DEVICE auto field_difference(const FieldView& f, typename L::F& x, typename L::F& y, typename L::F& z) {
+  std::int32_t at[L::kCount];
+  typename L::I brick, local;
+  locate<L>(f, x, y, z, brick, local);
+  L::store(at, brick);
+  L::store(at, cell_of<L>(L::gather(f.brick, at), local));
+  return subtract_nearest<L>(f, L::gather(f.cell, at), x, y, z);
 }
 
 }  // namespace booth::fit

@@ -262,27 +262,28 @@ BOOTH_HOST_DEVICE void pose_vertex(const typename L::F (&t)[12], const typename 
 }
 
 /// One vertex's shares of eq. 5 and 6, in cells: its distance from the nearest cloud point and that distance along the model's normal.
-template <class L>
-BOOTH_HOST_DEVICE void vertex_distances(const FieldView& field, const typename L::F (&v)[6], typename L::F& point, typename L::F& plane) {
+/// `v` is the difference from the nearest point and the normal.
+template <class L, class Mask>
+BOOTH_HOST_DEVICE void vertex_distances(const FieldView& field, const typename L::F (&v)[6], Mask outside, typename L::F& point, typename L::F& plane) {
   using F = typename L::F;
-  F dx, dy, dz;
-  const auto outside = field_difference<L>(field, v[0], v[1], v[2], dx, dy, dz);
-  const F along = (v[3] * dx + v[4] * dy) + v[5] * dz;
+  const F along = (v[3] * v[0] + v[4] * v[1]) + v[5] * v[2];
   const F length2 = (v[3] * v[3] + v[4] * v[4]) + v[5] * v[5] + 1e-12f;
   const F charged = L::splat(kChargedOutside * field.inverse_cell);
-  point = outside ? charged : L::root((dx * dx + dy * dy) + dz * dz);
+  point = outside ? charged : L::root((v[0] * v[0] + v[1] * v[1]) + v[2] * v[2]);
   plane = outside ? charged : L::absolute(along) / L::root(length2);
 }
 
 /// Data terms of a batch in cells: its vertices' shares summed in their order.
 template <class L, int kPairs>
-BOOTH_HOST_DEVICE void batch_distances(const EnergyView& m, const FieldView& field, int batch, const typename L::F (*transform)[12], const typename L::I* pair,
-                                       typename L::F& point, typename L::F& plane) {
+BOOTH_HOST_DEVICE void batch_distances(const EnergyView& m, const FieldView& field, int batch, const typename L::F (*transform)[12],
+                                       const typename L::I* pair, typename L::F& point, typename L::F& plane) {
   using F = typename L::F;
   const std::int32_t* shape = m.shape + static_cast<std::int64_t>(batch) * m.batch_words();
   const float* weight = m.weight + static_cast<std::int64_t>(batch) * ((kVertexParts - 1) * kBatch);
-  // Two steps, each with short chains of dependent operations, so that a processor finds enough to do at once.
+  // Step by step for the whole batch: each step's chains of dependent operations are short, so that a processor finds enough to do at once, and no load
+  // waits for a store that was just made.
   F posed[kBatch][6];
+  std::int32_t at[kBatch][L::kCount], local[kBatch][L::kCount];
   for (int s = m.segment_start[batch]; s < m.segment_start[batch + 1]; ++s) {
     const Segment& segment = m.segment[s];
     for (int i = segment.begin; i < segment.end; ++i) {
@@ -292,10 +293,17 @@ BOOTH_HOST_DEVICE void batch_distances(const EnergyView& m, const FieldView& fie
       pose_vertex<L>(blended, rest, posed[i]);
     }
   }
+  for (int i = 0; i < kBatch; ++i) {
+    typename L::I brick, cell;
+    locate<L>(field, posed[i][0], posed[i][1], posed[i][2], brick, cell);
+    L::store(at[i], brick), L::store(local[i], cell);
+  }
+  for (int i = 0; i < kBatch; ++i) L::store(at[i], cell_of<L>(L::gather(field.brick, at[i]), L::load(local[i])));
   point = plane = L::splat(0.0f);
   for (int i = 0; i < kBatch; ++i) {
     F a, b;
-    vertex_distances<L>(field, posed[i], a, b);
+    const auto outside = subtract_nearest<L>(field, L::gather(field.cell, at[i]), posed[i][0], posed[i][1], posed[i][2]);
+    vertex_distances<L>(field, posed[i], outside, a, b);
     point = point + a, plane = plane + b;
   }
 }

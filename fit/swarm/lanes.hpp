@@ -47,7 +47,13 @@ struct ScalarLanes {
     const auto low = [](I x) { return static_cast<I>(static_cast<std::int16_t>(x & 0xFFFF)); };
     return static_cast<I>(static_cast<U>(sum) + static_cast<U>(low(a) * low(b)) + static_cast<U>((a >> 16) * (b >> 16)));
   }
-  BOOTH_HOST_DEVICE static I gather(const std::int32_t* table, I index) { return table[index]; }
+  /// table[at[lane]].
+  BOOTH_HOST_DEVICE static I gather(const std::int32_t* table, const std::int32_t* at) { return table[*at]; }
+  BOOTH_HOST_DEVICE static void store(std::int32_t* p, I x) { *p = x; }
+  BOOTH_HOST_DEVICE static I load(const std::int32_t* p) { return *p; }
+  /// a < b ? a : b, so the second where one is not a number; likewise larger().
+  BOOTH_HOST_DEVICE static F smaller(F a, F b) { return a < b ? a : b; }
+  BOOTH_HOST_DEVICE static F larger(F a, F b) { return a > b ? a : b; }
   /// All 64 bits of a * m.
   BOOTH_HOST_DEVICE static void multiply_wide(U a, std::uint32_t m, U& high, U& low) {
     const std::uint64_t product = static_cast<std::uint64_t>(a) * m;
