@@ -127,22 +127,31 @@ void NearestField::rebuild(const Cloud& cloud, WorkerPool& pool) {
     low = low.cwiseMin(p), high = high.cwiseMax(p);
     ++good;
   }
-  nx_ = ny_ = nz_ = 0;
-  size_.setZero();
-  if (good == 0) return;
+  if (good == 0) {
+    nx_ = ny_ = nz_ = 0;
+    size_.setZero();
+    return;
+  }
+  if (set_box(low, high)) fill(cloud, pool);
+}
 
+bool NearestField::set_box(const Eigen::Vector3f& low, const Eigen::Vector3f& high) {
   const Eigen::Vector3f extent = high - low + Eigen::Vector3f::Constant(2 * settings_.band);
   cell_ = settings_.cell;
   const auto fits = [&] {
     nx_ = (static_cast<int>(extent.x() / cell_) / kLanes + 1) * kLanes;
     ny_ = static_cast<int>(extent.y() / cell_) + 1, nz_ = static_cast<int>(extent.z() / cell_) + 1;
-    return nx_ <= kMaxSteps && ny_ <= kMaxSteps && nz_ <= kMaxSteps && static_cast<double>(nx_) * ny_ * nz_ <= settings_.max_cells;
+    return nx_ <= kMaxSteps && ny_ <= kMaxSteps && nz_ <= kMaxSteps && nx_ * ny_ <= settings_.max_plane && static_cast<double>(nx_) * ny_ * nz_ <= settings_.max_cells;
   };
   while (!fits()) cell_ *= 1.1f;
   inverse_cell_ = 1 / cell_;
   origin_ = low - Eigen::Vector3f::Constant(settings_.band);
   size_ = Eigen::Vector3f(static_cast<float>(nx_), static_cast<float>(ny_), static_cast<float>(nz_));
+  return true;
+}
 
+void NearestField::fill(const Cloud& cloud, WorkerPool& pool) {
+  const int n = std::min(cloud.size, settings_.max_points);
   std::fill_n(plane_start_.begin(), nz_ + 1, 0);
   for (int i = 0; i < n; ++i) {
     const auto k = static_cast<std::size_t>(i);

@@ -15,6 +15,7 @@ struct NearestFieldSettings {
   float band = 0.30f;  ///< m; beyond this distance from the cloud there is no answer
   int max_points = 120000;
   int max_cells = 1'500'000;
+  int max_plane = 320 * 320;  ///< cells in one layer along z
 };
 
 /// A dense grid around the cloud whose cells know the point that is (nearly) nearest to their centre. All memory is taken in the constructor.
@@ -26,6 +27,9 @@ class NearestField {
 
   /// Indexes the cloud's points (at most max_points; points that are not finite are left out). Allocates nothing.
   void rebuild(const Cloud& cloud, WorkerPool& pool);
+  /// The same in two steps: the grid about a box (false: none, nothing will be found), then the points, all inside that box.
+  bool set_box(const Eigen::Vector3f& low, const Eigen::Vector3f& high);
+  void fill(const Cloud& cloud, WorkerPool& pool);
 
   /// Index of a point about as near to p as the nearest; -1 when p is about the band or more away from all points. One look-up.
   int nearest(const Eigen::Vector3f& p) const {
@@ -38,6 +42,11 @@ class NearestField {
   int nearest_refined(const Cloud& cloud, const Eigen::Vector3f& p) const;
 
   float cell() const { return cell_; }
+  /// The grid: its low corner, cells along each axis, and each cell's point (-1: none) and squared distance of that from the cell's centre, x fastest.
+  const Eigen::Vector3f& origin() const { return origin_; }
+  Eigen::Vector3i cells() const { return {nx_, ny_, nz_}; }
+  const std::int32_t* index() const { return index_.data(); }
+  const float* distance2() const { return distance2_.data(); }
   float band() const { return settings_.band; }
   std::size_t memory_bytes() const;
 
