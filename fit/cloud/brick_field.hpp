@@ -41,33 +41,32 @@ class BrickField {
   std::size_t memory_bytes() const;
 
  private:
-  struct Span {
-    std::int32_t first, count;
-  };
   /// One task's candidates for the cells of a brick.
   struct Scratch {
     std::vector<float> x, y, z, distance2;
+    std::vector<std::int32_t> chosen;
   };
-  static constexpr float kSparse = 0.8f;  ///< of a brick's edge; further from the cloud, one point of eight cells is candidate enough
+  static constexpr float kSparse = 0.6f;  ///< of a brick's edge; further from the cloud the sparse points are candidates enough
 
   void clear();
   void sort_points(const Cloud& cloud, int n, WorkerPool& pool);
-  void thin(const Cloud& cloud, WorkerPool& pool);
-  Span kept(std::int32_t brick, bool middle) const;
+  void choose_sparse(WorkerPool& pool);
   std::int32_t pack(const float* corner, float x, float y, float z) const;
   void describe_bricks(WorkerPool& pool);
+  std::int32_t describe_far(const float* corner, std::int32_t guess) const;
   void describe_cells(std::int32_t brick, Scratch& scratch);
 
   BrickFieldSettings settings_;
   FieldView view_;
   int bricks_ = 0, fine_bricks_ = 0, occupied_count_ = 0;
   NearestField coarse_;  ///< its cells are the bricks
-  Cloud thin_;           ///< a point of each block of eight cells: what coarse_ indexes
+  Cloud sparse_;         ///< of each block of 2 x 2 x 2 cells the middle point and the outermost ones, brick by brick: what coarse_ indexes
   std::vector<std::int32_t> brick_, cell_;
-  std::vector<std::int32_t> key_, sorted_, start_;  ///< each point's brick and cell; the points by brick; where each brick's begin
-  std::vector<std::int32_t> kept_, middle_;         ///< how many points of a brick the thinning kept, for its cells and for its blocks of eight cells
-  std::vector<std::int32_t> occupied_, fine_;       ///< bricks with points; bricks with cells
-  std::vector<float> kept_x_, kept_y_, kept_z_;     ///< the kept points of each brick from start_ on
+  std::vector<std::int32_t> key_, sorted_;          ///< each point's brick and cell; the points by brick
+  std::vector<float> x_, y_, z_;                    ///< ... and where they are
+  std::vector<std::int32_t> start_, sparse_start_;  ///< where each brick's points begin, and its sparse ones
+  std::vector<std::int32_t> of_sparse_, sparse_count_;
+  std::vector<std::int32_t> occupied_, fine_;  ///< bricks with points; bricks with cells
   Scratch scratch_[32];
 };
 
