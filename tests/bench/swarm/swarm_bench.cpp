@@ -13,6 +13,7 @@ namespace booth::bench {
 namespace {
 
 struct Options {
+  std::string kernel;
   int repeats = 15, points = 60000, particles = 2000, iterations = 10, vertices = 1024;
 };
 
@@ -44,7 +45,7 @@ void run(const Options& given, const Common& common, Report& report) {
   for (int threads : {1, 2}) {
     fit::WorkerPool pool(threads);
     for (int k = 0; k < count; ++k) {
-      if (!kernels[k].available()) continue;
+      if (!kernels[k].available() || (!o.kernel.empty() && o.kernel != kernels[k].name)) continue;
       const auto swarm = fit::make_cpu_swarm({&model, 1}, subject.prior, sizes, pool, kernels[k].name);
       fit::SwarmResult result;
       bool good = true;
@@ -59,7 +60,7 @@ void run(const Options& given, const Common& common, Report& report) {
       report.add({name + ": frames per second, field included", "1/s", 1 / (seconds[0] + seconds[1])});
       report.add({name + ": field", "ms", 1e3 * seconds[0]});
       report.add({name + ": swarm", "ms", 1e3 * seconds[1]});
-      report.add({name + ": vertex evaluation", "ns", ns, fmt::format("scalar x{}", threads), scalar[threads]});
+      report.add({name + ": vertex evaluation", "ns", ns, scalar[threads] > 0 ? fmt::format("scalar x{}", threads) : "", scalar[threads]});
       if (const double peak = peak_multiply_adds(kernels[k].name); peak > 0 && threads == 1)
         report.add({name + ": vertex evaluation", "ns", ns, "arithmetic floor: its multiply-adds at the peak measured here", 1e9 * multiply_adds(pack) / peak});
       if (k == count - 1) report.add({"energy found", "", static_cast<double>(result.cost), "first iteration's", static_cast<double>(result.history.front())});
@@ -73,6 +74,7 @@ void run(const Options& given, const Common& common, Report& report) {
 
 Run make(CLI::App& app) {
   auto o = std::make_shared<Options>();
+  app.add_option("--kernel", o->kernel, "Only this kernel; there is no ratio to the scalar reference then");
   app.add_option("--repeats", o->repeats, "Frames measured for each kernel")->check(CLI::Range(1, 10000))->capture_default_str();
   app.add_option("--points", o->points, "Points of the cloud")->check(CLI::Range(100, 120000))->capture_default_str();
   app.add_option("--particles", o->particles, "Particles")->check(CLI::Range(1, 1000000))->capture_default_str();
