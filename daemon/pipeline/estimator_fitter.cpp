@@ -100,6 +100,7 @@ void EstimatorFitter::step(const FitInput& input, FrameRecord& out) {
   const std::int64_t built = steady_ns();
   // Nobody there is an observation too: the estimator has to know that its person is gone.
   const fit::FitResult& result = estimator_.step(observation_);
+  result_ = &result;
   copy_result(result, out);
   remark_ = !somebody ? fit::describe(report_.outcome) : result.state == fit::FitState::lost ? "the body model does not explain what stands on the stage" : "";
   out.points = static_cast<std::uint32_t>(observation_.cloud.size);

@@ -34,6 +34,7 @@ class EstimatorFitter final : public FrameFitter {
   const fit::Observation& observation() const { return observation_; }
   const fit::CloudReport& report() const { return report_; }
   const fit::Estimator& estimator() const { return estimator_; }
+  const fit::FitResult& result() const { return *result_; }
 
  private:
   std::vector<fit::Camera> cameras_;
@@ -41,6 +42,7 @@ class EstimatorFitter final : public FrameFitter {
   fit::Observation observation_;
   fit::Estimator estimator_;
   fit::CloudReport report_;
+  const fit::FitResult* result_ = nullptr;  ///< the estimator's, set by the first step()
   const char* remark_ = "";
 };
 
