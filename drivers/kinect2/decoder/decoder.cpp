@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cmath>
+#include <list>
 #include <stdexcept>
 
 #include "drivers/kinect2/decoder/constants.hpp"
@@ -13,20 +14,31 @@
 namespace booth::drivers::kinect2 {
 namespace {
 
-using Plane = std::vector<float>;
-constexpr std::size_t kSlack = kWidth;  // before and behind, for the neighbours of the first and the last row
+/// Coefficients of (weight exp(-strength v / 2))^(1/8) over v from 0 to 2, from five Chebyshev points: the kernels square three times instead of a longer
+/// polynomial.
+void fit_bilateral_weight(double weight, double strength, float (&out)[5]) {
+  constexpr int n = 5;
+  std::array<double, n> v{}, divided{}, c{};
+  for (std::size_t i = 0; i < n; ++i) {
+    v[i] = 1 + std::cos(std::numbers::pi * (2.0 * static_cast<double>(i) + 1) / (2 * n));
+    divided[i] = std::pow(weight, 0.125) * std::exp(-strength * v[i] / 16);
+  }
+  for (std::size_t j = 1; j < n; ++j)
+    for (std::size_t i = n - 1; i >= j; --i) divided[i] = (divided[i] - divided[i - 1]) / (v[i] - v[i - j]);
+  for (std::size_t i = n; i-- > 0;) {  // c := c (v - v_i) + divided_i
+    for (std::size_t k = n - 1; k > 0; --k) c[k] = c[k - 1] - v[i] * c[k];
+    c[0] = divided[i] - v[i] * c[0];
+  }
+  for (std::size_t k = 0; k < n; ++k) out[k] = static_cast<float>(c[k]);
+}
 
 class KernelDecoder final : public Decoder {
  public:
   KernelDecoder(const DepthCameraParameters& camera, const PhaseOffsets& phase, const DecoderSettings& settings, Kernel kernel, KernelFunction* function)
       : kernel_(kernel), function_(function), rays_(make_ray_table(camera)) {
-    for (auto& plane : planes_) plane.assign(kPixels + 2 * kSlack, 0.0f);
-    for (auto& row : rows_) row.assign(kWidth, 0.0f);
-    packed_.assign(kWidth, 0);
-    std::size_t next = 0;
-    const auto take = [&] { return planes_[next++].data() + kSlack; };
+    const auto row = [&](std::ptrdiff_t rows) { return floats(static_cast<std::size_t>(rows * kRowFloats)) + kMargin; };
     for (std::size_t f = 0; f < 3; ++f) {
-      float *cosine = take(), *sine = take();
+      float *cosine = floats(kPixels), *sine = floats(kPixels);
       for (std::size_t i = 0; i < kPixels; ++i) {
         const double p = -kPhasePerCount * phase.p0.at(f).at(i);
         cosine[i] = static_cast<float>(kFrequencyGain[f] * std::cos(p));
@@ -34,23 +46,23 @@ class KernelDecoder final : public Decoder {
       }
       work_.cos_p[f] = cosine;
       work_.sin_p[f] = sine;
-      work_.a[f] = take();
-      work_.b[f] = take();
-      work_.unit_a[f] = take();
-      work_.unit_b[f] = take();
+      work_.length[f] = row(kRingRows);
+      work_.unit_a[f] = row(kRingRows);
+      work_.unit_b[f] = row(kRingRows);
     }
-    work_.ok = take();
-    work_.sum = take();
-    work_.range = take();
-    work_.depth = take();
+    work_.sum = row(kRingRows);
+    work_.range = row(kRingRows);
+    for (float*& column : work_.column) column = row(1);
+    work_.infrared = row(1);
+    work_.depth = floats(kPixels);
+    work_.codes = codes_.data();
     work_.xu = rays_.xu.data();
     work_.s = rays_.s.data();
-    work_.packed = packed_.data();
-    for (std::size_t i = 0; i < 9; ++i) work_.value[i] = rows_[i].data();
-    work_.infrared = rows_[9].data();
     work_.minimum = static_cast<float>(1000 * settings.minimum_depth);
     work_.maximum = static_cast<float>(1000 * settings.maximum_depth);
-    work_.exponent = static_cast<float>(kBilateralExponent * (settings.parity ? std::numbers::log2e : 1.0));
+    const double exponent = kBilateralExponent * (settings.parity ? std::numbers::log2e : 1.0);
+    fit_bilateral_weight(kGaussCorner, exponent, work_.corner);
+    fit_bilateral_weight(kGaussSide, exponent, work_.side);
     const double at_one = settings.parity ? std::exp(std::numbers::ln10 / std::numbers::ln2 * kOffset) : std::pow(10.0, kOffset);
     work_.residual_scale = static_cast<float>(std::pow(at_one / (2 * std::numbers::pi), 2));
     work_.bilateral = settings.bilateral_filter;
@@ -65,17 +77,22 @@ class KernelDecoder final : public Decoder {
   }
   std::span<const float> depth_millimetres() const override { return {work_.depth, kPixels}; }
   std::size_t memory_bytes() const override {
-    return planes_.size() * planes_[0].size() * sizeof(float) + rows_.size() * kWidth * sizeof(float) + 3 * kPixels * sizeof(float) +
-           kWidth * sizeof(std::uint16_t);
+    std::size_t bytes = 3 * kPixels * sizeof(float) + codes_.size() * sizeof(std::uint16_t);
+    for (const auto& p : planes_) bytes += p.size() * sizeof(float);
+    return bytes;
   }
 
  private:
+  static constexpr std::ptrdiff_t kMargin = (kRowFloats - kWidth) / 2;
+
+  /// Zeros that live as long as the decoder.
+  float* floats(std::size_t count) { return planes_.emplace_back(count, 0.0f).data(); }
+
   const Kernel kernel_;
   KernelFunction* const function_;
   const RayTable rays_;
-  std::array<Plane, 22> planes_;
-  std::array<Plane, 10> rows_;
-  std::vector<std::uint16_t> packed_;
+  std::list<std::vector<float>> planes_;
+  std::vector<std::uint16_t> codes_ = std::vector<std::uint16_t>(9 * kWidth);
   KernelWork work_{};
 };
 
@@ -86,7 +103,7 @@ bool has(Kernel kernel) {
       return true;
 #if defined(__x86_64__)
     case Kernel::avx2:
-      return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+      return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("f16c");
     case Kernel::avx512:
       return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
              __builtin_cpu_supports("avx512vl");

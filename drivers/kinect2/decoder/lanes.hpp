@@ -1,0 +1,147 @@
+// A vector of floats as wide as the processor that this file is compiled for has them: what the decoder needs of it, and no more.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#if defined(__x86_64__)
+#include <immintrin.h>
+#elif defined(__aarch64__)
+#include <arm_neon.h>
+#endif
+
+// Everything has internal linkage: the same names are compiled for several instruction sets and must never meet in the linker. Plain arithmetic is written with
+// operators, which compilers know for these types. Roots and quotients are the exact ones: approximations differ from maker to maker, and with them the depth.
+namespace {
+
+#if defined(__AVX512F__) && defined(__AVX512BW__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
+
+constexpr int kLanes = 16;
+using F = __m512;
+using M = __mmask16;
+using Codes = __m256i;  ///< kLanes codes of 16 bits
+[[maybe_unused]] F load(const float* p) { return _mm512_loadu_ps(p); }
+[[maybe_unused]] void store(float* p, F v) { _mm512_storeu_ps(p, v); }
+[[maybe_unused]] F all(float v) { return _mm512_set1_ps(v); }
+[[maybe_unused]] F least(F a, F b) { return _mm512_min_ps(a, b); }
+[[maybe_unused]] F most(F a, F b) { return _mm512_max_ps(a, b); }
+[[maybe_unused]] F root(F a) { return _mm512_sqrt_ps(a); }
+[[maybe_unused]] F down(F a) { return _mm512_roundscale_ps(a, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC); }
+[[maybe_unused]] F magnitude(F a) { return _mm512_abs_ps(a); }
+[[maybe_unused]] M at_least(F a, F b) { return _mm512_cmp_ps_mask(a, b, _CMP_GE_OQ); }
+[[maybe_unused]] M above(F a, F b) { return _mm512_cmp_ps_mask(a, b, _CMP_GT_OQ); }
+[[maybe_unused]] M both(M a, M b) { return static_cast<M>(a & b); }
+[[maybe_unused]] M but_not(M a, M b) { return static_cast<M>(a & ~b); }
+[[maybe_unused]] bool any(M m) { return m != 0; }
+[[maybe_unused]] F select(M m, F yes, F no) { return _mm512_mask_blend_ps(m, no, yes); }
+[[maybe_unused]] F keep(M m, F a) { return _mm512_maskz_mov_ps(m, a); }
+[[maybe_unused]] Codes load_codes(const std::uint16_t* p) { return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p)); }
+[[maybe_unused]] M is_code(Codes c, std::uint16_t code) { return _mm256_cmpeq_epi16_mask(c, _mm256_set1_epi16(static_cast<short>(code))); }
+[[maybe_unused]] F halves(Codes c) { return _mm512_cvtph_ps(c); }
+
+#elif defined(__AVX2__) && defined(__FMA__) && defined(__F16C__)
+
+constexpr int kLanes = 8;
+using F = __m256;
+using M = __m256;
+using Codes = __m128i;
+[[maybe_unused]] F load(const float* p) { return _mm256_loadu_ps(p); }
+[[maybe_unused]] void store(float* p, F v) { _mm256_storeu_ps(p, v); }
+[[maybe_unused]] F all(float v) { return _mm256_set1_ps(v); }
+[[maybe_unused]] F least(F a, F b) { return _mm256_min_ps(a, b); }
+[[maybe_unused]] F most(F a, F b) { return _mm256_max_ps(a, b); }
+[[maybe_unused]] F root(F a) { return _mm256_sqrt_ps(a); }
+[[maybe_unused]] F down(F a) { return _mm256_floor_ps(a); }
+[[maybe_unused]] F magnitude(F a) { return _mm256_andnot_ps(_mm256_set1_ps(-0.0f), a); }
+[[maybe_unused]] M at_least(F a, F b) { return _mm256_cmp_ps(a, b, _CMP_GE_OQ); }
+[[maybe_unused]] M above(F a, F b) { return _mm256_cmp_ps(a, b, _CMP_GT_OQ); }
+[[maybe_unused]] M both(M a, M b) { return _mm256_and_ps(a, b); }
+[[maybe_unused]] M but_not(M a, M b) { return _mm256_andnot_ps(b, a); }
+[[maybe_unused]] bool any(M m) { return _mm256_movemask_ps(m) != 0; }
+[[maybe_unused]] F select(M m, F yes, F no) { return _mm256_blendv_ps(no, yes, m); }
+[[maybe_unused]] F keep(M m, F a) { return _mm256_and_ps(m, a); }
+[[maybe_unused]] Codes load_codes(const std::uint16_t* p) { return _mm_loadu_si128(reinterpret_cast<const __m128i*>(p)); }
+[[maybe_unused]] M is_code(Codes c, std::uint16_t code) {
+  return _mm256_castsi256_ps(_mm256_cvtepi16_epi32(_mm_cmpeq_epi16(c, _mm_set1_epi16(static_cast<short>(code)))));
+}
+[[maybe_unused]] F halves(Codes c) { return _mm256_cvtph_ps(c); }
+
+#elif defined(__SSE2__)
+
+constexpr int kLanes = 4;
+using F = __m128;
+using M = __m128;
+using Codes = __m128i;  ///< of 32 bits here
+[[maybe_unused]] F load(const float* p) { return _mm_loadu_ps(p); }
+[[maybe_unused]] void store(float* p, F v) { _mm_storeu_ps(p, v); }
+[[maybe_unused]] F all(float v) { return _mm_set1_ps(v); }
+[[maybe_unused]] F least(F a, F b) { return _mm_min_ps(a, b); }
+[[maybe_unused]] F most(F a, F b) { return _mm_max_ps(a, b); }
+[[maybe_unused]] F root(F a) { return _mm_sqrt_ps(a); }
+[[maybe_unused]] F down(F a) {
+  const F t = _mm_cvtepi32_ps(_mm_cvttps_epi32(a));
+  return _mm_sub_ps(t, _mm_and_ps(_mm_cmpgt_ps(t, a), _mm_set1_ps(1)));
+}
+[[maybe_unused]] F magnitude(F a) { return _mm_andnot_ps(_mm_set1_ps(-0.0f), a); }
+[[maybe_unused]] M at_least(F a, F b) { return _mm_cmpge_ps(a, b); }
+[[maybe_unused]] M above(F a, F b) { return _mm_cmpgt_ps(a, b); }
+[[maybe_unused]] M both(M a, M b) { return _mm_and_ps(a, b); }
+[[maybe_unused]] M but_not(M a, M b) { return _mm_andnot_ps(b, a); }
+[[maybe_unused]] bool any(M m) { return _mm_movemask_ps(m) != 0; }
+[[maybe_unused]] F select(M m, F yes, F no) { return _mm_or_ps(_mm_and_ps(m, yes), _mm_andnot_ps(m, no)); }
+[[maybe_unused]] F keep(M m, F a) { return _mm_and_ps(m, a); }
+[[maybe_unused]] Codes load_codes(const std::uint16_t* p) {
+  return _mm_unpacklo_epi16(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(p)), _mm_setzero_si128());
+}
+[[maybe_unused]] M is_code(Codes c, std::uint16_t code) { return _mm_castsi128_ps(_mm_cmpeq_epi32(c, _mm_set1_epi32(code))); }
+/// Sixteen-bit floats, widened by hand: the exponent is moved up beyond reach of slow denormals and brought back by the difference of two normal numbers.
+[[maybe_unused]] F halves(Codes c) {
+  const __m128i body = _mm_slli_epi32(_mm_and_si128(c, _mm_set1_epi32(0x7FFF)), 13), bias = _mm_set1_epi32(112 << 23), one = _mm_set1_epi32(113 << 23);
+  const F normal = _mm_castsi128_ps(_mm_add_epi32(body, bias));
+  const F tiny = _mm_sub_ps(_mm_castsi128_ps(_mm_add_epi32(body, one)), _mm_castsi128_ps(one));
+  const M is_tiny = _mm_castsi128_ps(_mm_cmplt_epi32(body, _mm_set1_epi32(1 << 23)));
+  return _mm_or_ps(select(is_tiny, tiny, normal), _mm_castsi128_ps(_mm_slli_epi32(_mm_and_si128(c, _mm_set1_epi32(0x8000)), 16)));
+}
+
+#elif defined(__aarch64__)
+
+constexpr int kLanes = 4;
+using F = float32x4_t;
+using M = uint32x4_t;
+using Codes = uint16x4_t;
+[[maybe_unused]] F load(const float* p) { return vld1q_f32(p); }
+[[maybe_unused]] void store(float* p, F v) { vst1q_f32(p, v); }
+[[maybe_unused]] F all(float v) { return vdupq_n_f32(v); }
+[[maybe_unused]] F least(F a, F b) { return vminq_f32(a, b); }
+[[maybe_unused]] F most(F a, F b) { return vmaxq_f32(a, b); }
+[[maybe_unused]] F root(F a) { return vsqrtq_f32(a); }
+[[maybe_unused]] F down(F a) { return vrndmq_f32(a); }
+[[maybe_unused]] F magnitude(F a) { return vabsq_f32(a); }
+[[maybe_unused]] M at_least(F a, F b) { return vcgeq_f32(a, b); }
+[[maybe_unused]] M above(F a, F b) { return vcgtq_f32(a, b); }
+[[maybe_unused]] M both(M a, M b) { return vandq_u32(a, b); }
+[[maybe_unused]] M but_not(M a, M b) { return vbicq_u32(a, b); }
+[[maybe_unused]] bool any(M m) { return vmaxvq_u32(m) != 0; }
+[[maybe_unused]] F select(M m, F yes, F no) { return vbslq_f32(m, yes, no); }
+[[maybe_unused]] F keep(M m, F a) { return vreinterpretq_f32_u32(vandq_u32(m, vreinterpretq_u32_f32(a))); }
+[[maybe_unused]] Codes load_codes(const std::uint16_t* p) { return vld1_u16(p); }
+[[maybe_unused]] M is_code(Codes c, std::uint16_t code) { return vreinterpretq_u32_s32(vmovl_s16(vreinterpret_s16_u16(vceq_u16(c, vdup_n_u16(code))))); }
+[[maybe_unused]] F halves(Codes c) { return vcvt_f32_f16(vreinterpret_f16_u16(c)); }
+
+#else
+#error "no vectors for this processor: write its part of lanes.hpp"
+#endif
+
+using I = std::int32_t __attribute__((vector_size(4 * kLanes)));
+[[maybe_unused]] M either(M a, M b) {
+#if defined(__x86_64__) && !defined(__AVX512F__)
+  return (M)((I)a | (I)b);
+#else
+  return static_cast<M>(a | b);
+#endif
+}
+[[maybe_unused]] I bits(F a) { return (I)a; }
+[[maybe_unused]] F from_bits(I a) { return (F)a; }
+[[maybe_unused]] F number(I a) { return __builtin_convertvector(a, F); }
+
+}  // namespace
