@@ -124,7 +124,7 @@ bool has(Kernel kernel) {
   return false;
 }
 
-KernelFunction* function_of(Kernel kernel) {
+KernelFunction* function_of([[maybe_unused]] Kernel kernel) {
 #if defined(__x86_64__)
   if (kernel == Kernel::avx2) return decode_avx2;
   if (kernel == Kernel::avx512) return decode_avx512;

@@ -152,27 +152,69 @@ TEST_P(Kinect2Decoder, TurnsTheMirrorImageRound) {
   EXPECT_NEAR(out.depth[120 * kWidth + 80], 3000, 2);
 }
 
+/// Blocks at random depths within and beyond the range, from darkness to glare: neighbours that disagree, weak ones, missing ones.
+Scene blocks() {
+  Scene s;
+  std::mt19937_64 random(17);
+  std::uniform_real_distribution<float> depth(400, 9000), brightness(std::log(10.0f), std::log(40000.0f));
+  for (int r = 0; r < kHeight; r += 4)
+    for (int c = 0; c < kWidth; c += 4) {
+      const float z = random() % 10 == 0 ? 0 : depth(random), i = std::exp(brightness(random));
+      for (int k = 0; k < 16; ++k) {
+        const auto at = static_cast<std::size_t>((r + k / 4) * kWidth + c + k % 4);
+        s.depth[at] = z, s.infrared[at] = i;
+      }
+    }
+  return s;
+}
+
+// The bounds of docs/reference/kinect2.md. Whether a pixel is valid may hang on the last digit where a decision is close; only the scene that is all edges and
+// weak signals has such pixels. Where both are valid, depths are the same to 10 micrometres.
 TEST_P(Kinect2Decoder, AgreesWithTheReference) {
   const auto phase = emulator::realistic_phase_offsets();
-  std::vector<std::vector<std::byte>> inputs{encode(plane(700, 4300, 6000), phase), encode(ball(), phase, 5), encode(plane(3000, 3000, 400), phase, 4)};
+  std::vector<std::vector<std::byte>> inputs{encode(plane(700, 4300, 6000), phase), encode(ball(), phase, 5), encode(plane(3000, 3000, 400), phase, 4),
+                                             encode(blocks(), phase, 5)};
   std::mt19937_64 random(3);
   inputs.emplace_back(kFrameBytes);
   for (auto& b : inputs.back()) b = static_cast<std::byte>(random());
-  for (const bool parity : {false, true})
-    for (const auto& images : inputs) {
-      const DecoderSettings settings{.parity = parity};
-      const auto expected = decode(images, phase, settings, Kernel::reference), out = decode(images, phase, settings, GetParam());
-      int both = 0, apart = 0, disagree = 0, infrared = 0;
+  // Saturated here and there.
+  inputs.push_back(inputs[1]);
+  for (int k = 0; k < 2000; ++k) {
+    std::byte* group = inputs.back().data() + random() % (9 * kImageBytes / 11) * 11;
+    group[0] = std::byte{0}, group[1] = (group[1] & std::byte{0xF8}) | std::byte{4};
+  }
+  std::vector<DecoderSettings> settings{{}, {.parity = true}, {.bilateral_filter = false}, {.edge_filter = false}};
+  for (std::size_t k = 0; k < inputs.size(); ++k)
+    for (const auto& setting : settings) {
+      if (k != 1 && k != 3 && (!setting.bilateral_filter || !setting.edge_filter)) continue;  // two scenes tell all about the filters' switches
+      const auto expected = decode(inputs[k], phase, setting, Kernel::reference), out = decode(inputs[k], phase, setting, GetParam());
+      int disagree = 0, infrared = 0;
+      float apart = 0;
       for (std::size_t i = 0; i < kPixels; ++i) {
         const float a = expected.millimetres[i], b = out.millimetres[i];
         disagree += (a > 0) != (b > 0);
-        if (a > 0 && b > 0) ++both, apart += std::abs(a - b) > 0.5;
+        if (a > 0 && b > 0) apart = std::max(apart, std::abs(a - b));
         infrared += std::abs(expected.infrared[i] - out.infrared[i]) > 1;
       }
-      EXPECT_LE(disagree, static_cast<int>(kPixels / 1000));
-      EXPECT_LE(apart, both / 1000);
-      EXPECT_EQ(infrared, 0);
+      EXPECT_LE(disagree, k == 3 ? 20 : 0) << "input " << k;
+      EXPECT_LE(apart, 0.01f) << "input " << k;
+      EXPECT_EQ(infrared, 0) << "input " << k;
+      std::printf("input %zu: validity differs in %d pixels, depth by %.4f mm at most\n", k, disagree, static_cast<double>(apart));
     }
+}
+
+TEST_P(Kinect2Decoder, RemembersNothingOfTheFrameBefore) {
+  const auto phase = emulator::realistic_phase_offsets();
+  const auto first = encode(ball(), phase, 5), second = encode(blocks(), phase, 5);
+  const auto decoder = make_decoder(emulator::typical_camera(), phase, {}, GetParam());
+  std::vector<std::uint16_t> depth(kPixels), infrared(kPixels);
+  decoder->decode(first, depth, infrared);
+  const auto once = depth, bright = infrared;
+  decoder->decode(second, depth, infrared);
+  decoder->decode(first, depth, {});
+  EXPECT_EQ(depth, once);
+  decoder->decode(first, depth, infrared);
+  EXPECT_EQ(infrared, bright);
 }
 
 TEST_P(Kinect2Decoder, SurvivesWhateverComes) {
