@@ -15,10 +15,10 @@ namespace booth::fit {
 namespace {
 
 constexpr int kTasks = 32;
-constexpr float kUsable = 1000;  // m
+constexpr float kUsable = 1000;    // m
 constexpr int kCandidates = 4096;  // of one brick; those beyond are left out
 constexpr std::int32_t kNoCandidate = std::numeric_limits<std::int32_t>::max();
-constexpr int kPart = 512;         // points that are sifted at a time
+constexpr int kPart = 512;  // points that are sifted at a time
 
 /// Brick and cell of each point in [begin, end), as brick * 64 + cell, or -1 for points that are not usable.
 BOOTH_KERNEL void find_keys(const float* x, const float* y, const float* z, int begin, int end, const float* origin, float inverse_cell, const int* bricks,
@@ -140,8 +140,7 @@ void check(const BrickFieldSettings& s) {
 
 }  // namespace
 
-BrickField::BrickField(const BrickFieldSettings& settings)
-    : settings_((check(settings), settings)), coarse_(coarse(settings)), sparse_(settings.max_points) {
+BrickField::BrickField(const BrickFieldSettings& settings) : settings_((check(settings), settings)), coarse_(coarse(settings)), sparse_(settings.max_points) {
   const auto points = static_cast<std::size_t>(settings.max_points), bricks = static_cast<std::size_t>(settings.max_bricks);
   brick_.assign(bricks, -1);
   cell_.assign(1 + static_cast<std::size_t>(settings.max_fine_bricks) * kBrickCells + bricks, kNoPoint);
@@ -158,7 +157,8 @@ BrickField::BrickField(const BrickFieldSettings& settings)
 
 std::size_t BrickField::memory_bytes() const {
   const std::size_t words = brick_.size() + cell_.size() + key_.size() + sorted_.size() + of_sparse_.size() + start_.size() + sparse_start_.size() +
-                            sparse_count_.size() + occupied_.size() + fine_.size() + x_.size() * 3 + sparse_.x.size() * 6 + std::size(scratch_) * 4 * kCandidates;
+                            sparse_count_.size() + occupied_.size() + fine_.size() + x_.size() * 3 + sparse_.x.size() * 6 +
+                            std::size(scratch_) * 4 * kCandidates;
   return words * sizeof(float) + sparse_.camera.size() + coarse_.memory_bytes();
 }
 

@@ -141,7 +141,8 @@ bool NearestField::set_box(const Eigen::Vector3f& low, const Eigen::Vector3f& hi
   const auto fits = [&] {
     nx_ = (static_cast<int>(extent.x() / cell_) / kLanes + 1) * kLanes;
     ny_ = static_cast<int>(extent.y() / cell_) + 1, nz_ = static_cast<int>(extent.z() / cell_) + 1;
-    return nx_ <= kMaxSteps && ny_ <= kMaxSteps && nz_ <= kMaxSteps && nx_ * ny_ <= settings_.max_plane && static_cast<double>(nx_) * ny_ * nz_ <= settings_.max_cells;
+    return nx_ <= kMaxSteps && ny_ <= kMaxSteps && nz_ <= kMaxSteps && nx_ * ny_ <= settings_.max_plane &&
+           static_cast<double>(nx_) * ny_ * nz_ <= settings_.max_cells;
   };
   while (!fits()) cell_ *= 1.1f;
   inverse_cell_ = 1 / cell_;

@@ -275,8 +275,8 @@ BOOTH_HOST_DEVICE void vertex_distances(const FieldView& field, const typename L
 
 /// Data terms of a batch in cells: its vertices' shares summed in their order.
 template <class L, int kPairs>
-BOOTH_HOST_DEVICE void batch_distances(const EnergyView& m, const FieldView& field, int batch, const typename L::F (*transform)[12],
-                                       const typename L::I* pair, typename L::F& point, typename L::F& plane) {
+BOOTH_HOST_DEVICE void batch_distances(const EnergyView& m, const FieldView& field, int batch, const typename L::F (*transform)[12], const typename L::I* pair,
+                                       typename L::F& point, typename L::F& plane) {
   using F = typename L::F;
   const std::int32_t* shape = m.shape + static_cast<std::int64_t>(batch) * m.batch_words();
   const float* weight = m.weight + static_cast<std::int64_t>(batch) * ((kVertexParts - 1) * kBatch);

@@ -49,10 +49,13 @@ void run(const Options& given, const Common& common, Report& report) {
       const auto swarm = fit::make_cpu_swarm({&model, 1}, subject.prior, sizes, pool, kernels[k].name);
       fit::SwarmResult result;
       bool good = true;
-      const std::vector<double> seconds = median_seconds_in_turns(k == 0 ? std::min(o.repeats, 3) : o.repeats, {
-          [&] { good = swarm->set_cloud(cloud) && good; },
-          [&] { good = swarm->minimise(0, centre, deviation, {1, frame++}, result) && good; },
-      });
+      const std::vector<double> seconds =
+          median_seconds_in_turns(k == 0 ? std::min(o.repeats, 3) : o.repeats, {
+                                                                                   [&] { good = swarm->set_cloud(cloud) && good; },
+                                                                                   [&] {
+                                                                                     good = swarm->minimise(0, centre, deviation, {1, frame++}, result) && good;
+                                                                                   },
+                                                                               });
       if (!good) throw std::runtime_error("bench swarm: the back-end was lost");
       const std::string name = fmt::format("{} x{}", kernels[k].name, threads);
       const double ns = 1e9 * seconds[1] / evaluations;
@@ -69,7 +72,8 @@ void run(const Options& given, const Common& common, Report& report) {
   // A group of 16 particles reads the packed vertices once an iteration; position, velocity and best are read and written.
   const double groups = std::ceil(o.particles / 16.0) * o.iterations;
   const double bytes = groups * (static_cast<double>(pack.memory_bytes()) + 16.0 * pack.dimensions() * 4 * 6);
-  report.add({"plain copy of the bytes that one frame reads and writes", "ns per vertex evaluation", 1e9 * copy_seconds(static_cast<std::size_t>(bytes)) / evaluations});
+  report.add({"plain copy of the bytes that one frame reads and writes", "ns per vertex evaluation",
+              1e9 * copy_seconds(static_cast<std::size_t>(bytes)) / evaluations});
 }
 
 Run make(CLI::App& app) {
@@ -83,7 +87,8 @@ Run make(CLI::App& app) {
   return [o](const Common& common, Report& report) { run(*o, common, report); };
 }
 
-const Registration registration({"swarm", "Preset paper's swarm and field: frames/s by kernel and threads, ns for each vertex, beside the machine's floors", make});
+const Registration registration({"swarm", "Preset paper's swarm and field: frames/s by kernel and threads, ns for each vertex, beside the machine's floors",
+                                 make});
 
 }  // namespace
 }  // namespace booth::bench

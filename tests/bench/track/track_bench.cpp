@@ -4,8 +4,8 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
-#include <iostream>
 #include <ctime>
+#include <iostream>
 #include <memory>
 #include <numeric>
 
@@ -98,7 +98,8 @@ class Follower {
       out.iterations.push_back(result.iterations);
       if (truth) out.joints.push_back(joint_error(result, *truth));
       if (k % 10 == 0) {
-        if (!surface_) surface_ = std::make_unique<fit::SurfaceDistance>(tracker_->estimator().model().data().faces, tracker_->estimator().model().vertex_count());
+        if (!surface_)
+          surface_ = std::make_unique<fit::SurfaceDistance>(tracker_->estimator().model().data().faces, tracker_->estimator().model().vertex_count());
         out.surface.push_back(surface_error(tracker_->estimator(), memory_.truth->surface(input.reference), *surface_));
       }
     }
@@ -149,7 +150,8 @@ class Follower {
 };
 
 void append(Figures& to, const Figures& from) {
-  for (auto member : {&Figures::cloud_ms, &Figures::fit_ms, &Figures::cpu_ms, &Figures::iterations, &Figures::start_ms, &Figures::start_cpu_ms, &Figures::joints, &Figures::surface, &Figures::start_joints})
+  for (auto member : {&Figures::cloud_ms, &Figures::fit_ms, &Figures::cpu_ms, &Figures::iterations, &Figures::start_ms, &Figures::start_cpu_ms,
+                      &Figures::joints, &Figures::surface, &Figures::start_joints})
     (to.*member).insert((to.*member).end(), (from.*member).begin(), (from.*member).end());
   to.lost += from.lost, to.tracked += from.tracked, to.starts_lost += from.starts_lost, to.wrong_sex += from.wrong_sex;
 }
@@ -202,17 +204,17 @@ void run(Options options, const Common& common, Report& report) {
   report.add({"first estimate, joints, 95 %", "mm", 1e3 * quantile(all.start_joints, 0.95)});
 }
 
-const Registration kTask({"track", "Preset booth: a tracked frame and a first estimate on one core, and their errors on held-out bodies and motions",
-                          [](CLI::App& app) -> Run {
-                            auto options = std::make_shared<Options>();
-                            app.add_option("--body", options->bodies, "Set-aside bodies, 1 to 90")->check(CLI::Range(1, 90))->capture_default_str();
-                            app.add_option("--motion", options->motions, "Motions by name, or files that end in .npy, .amc or .bvh")->capture_default_str();
-                            app.add_option("--seconds", options->seconds, "Of each motion")->check(CLI::Range(0.5, 600.0))->capture_default_str();
-                            app.add_option("--threads", options->threads, "Workers of cloud and fit")->check(CLI::Range(1, 64))->capture_default_str();
-                            app.add_option("--starts", options->starts, "First estimates for each body and motion")->check(CLI::Range(1, 1000))->capture_default_str();
-                            app.add_flag("--each", options->each, "A line on stderr for each body and motion");
-                            return [options](const Common& common, Report& report) { run(*options, common, report); };
-                          }});
+const Registration kTask(
+    {"track", "Preset booth: a tracked frame and a first estimate on one core, and their errors on held-out bodies and motions", [](CLI::App& app) -> Run {
+       auto options = std::make_shared<Options>();
+       app.add_option("--body", options->bodies, "Set-aside bodies, 1 to 90")->check(CLI::Range(1, 90))->capture_default_str();
+       app.add_option("--motion", options->motions, "Motions by name, or files that end in .npy, .amc or .bvh")->capture_default_str();
+       app.add_option("--seconds", options->seconds, "Of each motion")->check(CLI::Range(0.5, 600.0))->capture_default_str();
+       app.add_option("--threads", options->threads, "Workers of cloud and fit")->check(CLI::Range(1, 64))->capture_default_str();
+       app.add_option("--starts", options->starts, "First estimates for each body and motion")->check(CLI::Range(1, 1000))->capture_default_str();
+       app.add_flag("--each", options->each, "A line on stderr for each body and motion");
+       return [options](const Common& common, Report& report) { run(*options, common, report); };
+     }});
 
 }  // namespace
 }  // namespace booth::bench
