@@ -299,10 +299,12 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
   if (schedule.model_to_cloud) fill_cloud_grid(observation.cloud);
 
   RefineReport report;
-  const auto evaluate = [&](const PoseVector& pose, const ShapeVector& shape) {
+  const auto pose_at = [&](const PoseVector& pose, const ShapeVector& shape) {
     place(pose, shape);
     if (schedule.shape) poser_.prepare_shape_derivatives();
     grid_.rebuild(poser_.x.data(), poser_.y.data(), poser_.z.data(), poser_.nx.data(), poser_.ny.data(), poser_.nz.data(), poser_.size());
+  };
+  const auto evaluate_here = [&](const PoseVector& pose, const ShapeVector& shape) {
     pool_.run(kPortions, [&](int portion) { collect(problem, portion); });
     Portion& sum = portions_[0];
     for (int p = 1; p < kPortions; ++p) {
@@ -321,10 +323,13 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
     return energy;
   };
 
+  bool standing = false;  // the poser and the grid are at (q, beta)
   for (const RefineSchedule::Stage& stage : schedule.stages) {
     problem.stage = stage;
     double damping = kFirstDamping;
-    double energy = evaluate(q, beta);
+    if (!standing) pose_at(q, beta);
+    double energy = evaluate_here(q, beta);
+    standing = true;
     information_ = hessian_;
     step_ = gradient_;
     UnknownVector gradient = gradient_;
@@ -337,9 +342,11 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
       const PoseVector trial_q = q + step_.head<kDofs>();
       ShapeVector trial_beta = beta;
       if (schedule.shape) trial_beta += step_.tail(shape_count());
-      const double trial = evaluate(trial_q, trial_beta);
+      pose_at(trial_q, trial_beta);
+      const double trial = evaluate_here(trial_q, trial_beta);
+      standing = trial <= energy;
       ++report.iterations;
-      if (trial <= energy) {
+      if (standing) {
         converged = step_.cwiseAbs().maxCoeff() < kConverged || energy - trial < kNoGain * energy;
         q = trial_q, beta = trial_beta, energy = trial;
         information_ = hessian_;
@@ -352,8 +359,11 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
     }
     report.energy = energy;
   }
-  evaluate(q, beta);  // leave the poser, the grid and the figures at the solution
-  information_ = hessian_;
+  if (!standing) {  // leave the poser, the grid and the figures at the solution
+    pose_at(q, beta);
+    evaluate_here(q, beta);
+    information_ = hessian_;
+  }
   return report;
 }
 
