@@ -66,6 +66,9 @@ bool WorkerPool::take_one() {
 }
 
 void WorkerPool::work() {
+#if defined(__linux__)
+  ::pthread_setname_np(::pthread_self(), "frame-worker");  // for top -H, and for whoever counts what threads of the frame path allocate; <thread> brings it
+#endif
   while (true) {
     const int seen = epoch_.load(std::memory_order_acquire);
     if (stop_.load(std::memory_order_acquire)) return;

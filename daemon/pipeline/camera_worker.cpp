@@ -1,6 +1,8 @@
 // Reading, restarting with back-off, and the counters that status shows.
 #include "daemon/pipeline/camera_worker.hpp"
 
+#include <pthread.h>
+
 #include <algorithm>
 #include <exception>
 
@@ -72,6 +74,9 @@ void CameraWorker::note_frame(hal::MonotonicTime now) {
 }
 
 void CameraWorker::run() {
+  char name[16] = "frame-cam-0";
+  name[10] = static_cast<char>('0' + hal::to_int(index_) % 10);
+  ::pthread_setname_np(::pthread_self(), name);
   constexpr auto kFirstPause = 500ms, kLongestPause = 10000ms;
   constexpr auto kReadTimeout = 100ms;
   constexpr int kSilentReads = 20;  // two seconds without a frame: the device is taken for stalled

@@ -1,6 +1,8 @@
 // The two threads behind the cameras: one groups frames, one fits the newest group.
 #include "daemon/pipeline/pipeline.hpp"
 
+#include <pthread.h>
+
 #include <algorithm>
 
 namespace booth::daemon {
@@ -80,6 +82,7 @@ void Pipeline::hand_over(const FrameGroup& group) {
 }
 
 void Pipeline::synchronise() {
+  ::pthread_setname_np(::pthread_self(), "frame-sync");
   Synchroniser synchroniser(settings_.synchroniser);
   std::uint64_t unmatched = 0;
   while (!stop_) {
@@ -105,6 +108,7 @@ void Pipeline::synchronise() {
 }
 
 void Pipeline::fit() {
+  ::pthread_setname_np(::pthread_self(), "frame-fit");
   while (!stop_) {
     group_bell_.wait(20ms);
     fit_progress_.fetch_add(1, std::memory_order_relaxed);

@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <pthread.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -74,6 +75,7 @@ bool SessionLog::drain() {
 }
 
 void SessionLog::run() {
+  ::pthread_setname_np(::pthread_self(), "frame-log");
   // A second between writes: what a power cut may cost, and few wake-ups.
   for (int turn = 0; !stop_; ++turn) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));

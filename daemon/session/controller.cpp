@@ -66,8 +66,7 @@ void Controller::log(const FrameRecord& record) noexcept {
     last_known_ = true;
     last_frame_ = clock_.now();
     if (frames_++ == 0) first_frame_ = last_frame_;
-    // A constant text: nothing is allocated for it unless it changes.
-    if (const char* remark = fitter_->remark(); remark_ != remark) remark_ = remark;
+    remark_ = fitter_->remark();
   }
   bell_.ring();
 }
@@ -186,7 +185,7 @@ void Controller::begin_session() {
     folder_ = folder;
     last_known_ = false;
     frames_ = 0;
-    remark_.clear();
+    remark_ = "";
   }
   pipeline_->activate();
   log_line(LogLevel::info, fmt::format("session {} begins{}{}", info.id, folder.empty() ? "" : " in ", folder.string()));

@@ -135,7 +135,8 @@ class Controller final : public FrameSink {
   bool last_known_ = false;
   hal::MonotonicTime first_frame_{}, last_frame_{};
   std::uint64_t frames_ = 0;
-  std::string alarm_, session_, remark_;
+  std::string alarm_, session_;
+  const char* remark_ = "";  ///< a constant sentence of the fitter's: log() may not allocate
   std::filesystem::path folder_;
   bool latched_ = false, paused_ = false, body_known_ = false;
   std::optional<SessionSummary> summary_;

@@ -10,9 +10,9 @@
 #include <stdexcept>
 
 #include "analytic_scene.hpp"
-#include "counted_new.hpp"
 #include "fit/cloud/pixel_rays.hpp"
 #include "fit/cloud/projection.hpp"
+#include "tests/support/allocation_count.hpp"
 
 namespace booth::fit {
 namespace {
@@ -512,11 +512,11 @@ TEST(CloudBuilder, AllocatesNothingPerFrame) {
   Observation out = builder.make_observation(60000);
   CloudReport report;
   EXPECT_GT(builder.memory_bytes(), 1u << 20);
-  const tests::NoAllocation guard;
+  const tests::AllocationCount guard;
   ASSERT_TRUE(builder.build(frame.inputs, out, report));  // the first frame too
   builder.build(std::span(frame.inputs).first(1), out, report);
   builder.build({}, out, report);
-  EXPECT_EQ(guard.count(), 0);
+  EXPECT_EQ(guard.so_far(), 0u);
 }
 
 TEST(CloudBuilder, TheSilhouetteMapLeadsToThePerson) {

@@ -10,8 +10,8 @@
 #include <stdexcept>
 
 #include "analytic_scene.hpp"
-#include "counted_new.hpp"
 #include "fit/cloud/point_grid.hpp"
+#include "tests/support/allocation_count.hpp"
 
 namespace booth::fit {
 namespace {
@@ -160,9 +160,9 @@ TEST(NearestField, TheSameForAnyNumberOfThreadsAndAllocatesNothing) {
   for (const int threads : {2, 4}) {
     WorkerPool pool(threads);
     NearestField field;
-    const tests::NoAllocation guard;
+    const tests::AllocationCount guard;
     field.rebuild(cloud, pool);
-    EXPECT_EQ(guard.count(), 0);
+    EXPECT_EQ(guard.so_far(), 0u);
     for (float z = -1; z < 1; z += 0.03f)
       for (float y = -0.3f; y < 2.1f; y += 0.02f)
         for (float x = -1; x < 1; x += 0.02f) ASSERT_EQ(field.nearest({x, y, z}), reference.nearest({x, y, z}));

@@ -6,7 +6,7 @@
 #include <chrono>
 #include <stdexcept>
 
-#include "counted_new.hpp"
+#include "tests/support/allocation_count.hpp"
 
 namespace booth::fit {
 namespace {
@@ -50,9 +50,9 @@ TEST(WorkerPool, SleepingWorkersWakeForTheNextRun) {
 TEST(WorkerPool, RunAllocatesNothing) {
   WorkerPool pool(3);
   std::atomic<int> sum{0};
-  const tests::NoAllocation guard;
+  const tests::AllocationCount guard;
   for (int i = 0; i < 100; ++i) pool.run(10, [&](int task) { sum.fetch_add(task); });
-  EXPECT_EQ(guard.count(), 0);
+  EXPECT_EQ(guard.so_far(), 0u);
   EXPECT_EQ(sum.load(), 4500);
 }
 

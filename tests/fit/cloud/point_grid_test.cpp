@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "counted_new.hpp"
+#include "tests/support/allocation_count.hpp"
 
 namespace booth::fit {
 namespace {
@@ -122,11 +122,11 @@ TEST(PointGrid, TakesNoMoreThanItsCapacityAndAllocatesNothing) {
   std::mt19937 random(3);
   const Points points = body_like(random, 3000);
   PointGrid grid(1000);
-  const tests::NoAllocation guard;
+  const tests::AllocationCount guard;
   grid.rebuild(points.x.data(), points.y.data(), points.z.data(), points.size());
   int highest = -1;
   for (int i = 0; i < points.size(); ++i) highest = std::max(highest, grid.nearest(points.at(i), 0.5f));
-  EXPECT_EQ(guard.count(), 0);
+  EXPECT_EQ(guard.so_far(), 0u);
   EXPECT_EQ(highest, 999);
   EXPECT_THROW(PointGrid(0), std::invalid_argument);
   EXPECT_THROW(PointGrid(10, -1), std::invalid_argument);
