@@ -23,6 +23,11 @@ inline void blend(const std::array<std::array<float, 12>, kBones>& transform, co
   }
 }
 
+/// row[j] += x a[j] + y a[stride + j] + z a[2 stride + j], lane by lane.
+BOOTH_KERNEL void add_directions(const float* a, int stride, int n, float x, float y, float z, float* row) {
+  for (int j = 0; j < n; ++j) row[j] += x * a[j] + y * a[stride + j] + z * a[2 * stride + j];
+}
+
 }  // namespace
 
 Poser::Poser(const BodyModel& model, int shape_count, int vertex_count)
@@ -152,10 +157,10 @@ void Poser::shape_row(int i, const Eigen::Vector3f& d, float* row) const {
     const Eigen::Vector3f s = w * d;
     for (int c = 0; c < 3; ++c) local[c] += m[c] * s[0] + m[4 + c] * s[1] + m[8 + c] * s[2];
     const float* u = bone_shape_.data() + b * 3 * shape_stride_;
-    for (int j = 0; j < n; ++j) row[j] += s[0] * u[j] + s[1] * u[shape_stride_ + j] + s[2] * u[2 * shape_stride_ + j];
+    add_directions(u, shape_stride_, n, s[0], s[1], s[2], row);
   }
   const float* g = directions_.data() + static_cast<std::size_t>(i) * 3 * shape_stride_;
-  for (int j = 0; j < n; ++j) row[j] += local[0] * g[j] + local[1] * g[shape_stride_ + j] + local[2] * g[2 * shape_stride_ + j];
+  add_directions(g, shape_stride_, n, local[0], local[1], local[2], row);
 }
 
 Eigen::Matrix<double, 3, kDofs> Poser::joint_pose_jacobian(int joint) const {

@@ -29,6 +29,11 @@ BOOTH_KERNEL void rank_update(const float* rows, int count, int unknowns, int st
   }
 }
 
+/// gradient[i] += residual row[i], lane by lane.
+BOOTH_KERNEL void add_gradient(const float* row, double residual, int unknowns, double* gradient) {
+  for (int i = 0; i < unknowns; ++i) gradient[i] += residual * static_cast<double>(row[i]);
+}
+
 }  // namespace
 
 NormalEquations::NormalEquations() {
@@ -66,9 +71,8 @@ void NormalEquations::flush() {
   }
   for (int r = 0; r < rows_; ++r) {
     const double residual = static_cast<double>(residual_[static_cast<std::size_t>(r)]);
-    const float* row = block_.data() + r * stride_;
     energy_ += residual * residual;
-    for (int i = 0; i < unknowns_; ++i) gradient_[i] += residual * static_cast<double>(row[i]);
+    add_gradient(block_.data() + r * stride_, residual, unknowns_, gradient_.data());
   }
   rows_ = 0;
 }
