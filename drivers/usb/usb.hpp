@@ -59,7 +59,8 @@ class StreamSink {
   /// One isochronous packet, or one bulk transfer, in the order of the bus. `data` is valid during the call; empty packets come too. `arrived` is when the
   /// host was told of the transfer.
   virtual void on_packet(Status status, std::span<const std::byte> data, hal::MonotonicTime arrived) = 0;
-  /// No more packets: stopped, or the device is gone (no_device), or too few transfers could be submitted again (error). Called once.
+  /// No more packets: stopped (cancelled; on the thread that stopped), or the device is gone (no_device), or too few transfers could be submitted again
+  /// (error). Called once for each stream that open_stream() returned, before its stop() returns.
   virtual void on_end(Status reason) = 0;
 };
 
@@ -75,7 +76,8 @@ struct StreamSettings {
 class Stream {
  public:
   virtual ~Stream() = default;  ///< stops; what cannot be cancelled in time is kept alive until it has called back, never freed early
-  /// Cancels and waits until every transfer has called back, at most so long. False when some have not. Harmless when stopped.
+  /// Cancels and waits until every transfer has called back, at most so long. False when some have not; the sink hears nothing more either way. Harmless
+  /// when stopped. Not from a sink's call.
   virtual bool stop(hal::Nanoseconds at_most) noexcept = 0;
   virtual int transfers_alive() const = 0;
 };
@@ -91,7 +93,7 @@ class Device {
   virtual void claim(int interface) = 0;
   virtual void release(int interface) noexcept = 0;
   virtual void set_alternate(int interface, int alternate) = 0;
-  /// wBytesPerInterval of the SuperSpeed companion of an endpoint in the first configuration; 0 where there is no such isochronous endpoint.
+  /// wBytesPerInterval of the SuperSpeed companion of an endpoint in the active configuration; 0 where there is no such isochronous endpoint.
   virtual std::size_t bytes_per_interval(int interface, int alternate, std::uint8_t endpoint) = 0;
   /// Host to device, `data` may be empty.
   virtual void control_out(const ControlRequest& request, std::span<const std::byte> data, hal::Nanoseconds timeout) = 0;
@@ -99,7 +101,7 @@ class Device {
   virtual TransferResult bulk_in(std::uint8_t endpoint, std::span<std::byte> data, hal::Nanoseconds timeout) = 0;
   /// Bus reset. Throws Error(not_found) when the device came back as another one and must be opened anew.
   virtual void reset() = 0;
-  /// `sink` outlives the stream. Throws Error when not one transfer could be submitted.
+  /// `sink` outlives the stream. Throws Error when fewer than half of the transfers could be submitted.
   virtual std::unique_ptr<Stream> open_stream(const StreamSettings& settings, StreamSink& sink) = 0;
 };
 
