@@ -5,12 +5,17 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <mutex>
+#include <set>
 #include <stdexcept>
 
+#include "daemon/drivers_factory.usb.hpp"
+#include "daemon/health/log.hpp"
 #include "drivers/kinect2/kinect_camera.hpp"
 #include "drivers/kinect2/layout.hpp"
 #include "drivers/recording/calibration_file.hpp"
 #include "drivers/usb/libusb_bus.hpp"
+#include "drivers/usb/power_control.hpp"
 #ifdef BOOTHD_EMULATOR
 #include "drivers/kinect2/emulator/scene_view.hpp"
 #endif
@@ -66,11 +71,34 @@ hal::DepthCameras make_cameras(const Config& config, const kinect2::KinectShared
   return cameras;
 }
 
+/// The ladder's upper rungs. What was done or went wrong is logged each time; what is not permitted or not sensible, once.
+kinect2::PowerTools power_tools() {
+  struct Said {
+    std::mutex mutex;
+    std::set<std::string> before;
+  };
+  const auto power = std::make_shared<drivers::usb::PowerControl>(is_sensor);
+  const auto said = std::make_shared<Said>();
+  const auto report = [said](const drivers::usb::PowerOutcome& outcome) {
+    using Result = drivers::usb::PowerOutcome::Result;
+    const bool quiet = outcome.result == Result::not_permitted || outcome.result == Result::refused;
+    const std::lock_guard lock(said->mutex);
+    if (!quiet || (said->before.size() < 64 && said->before.insert(outcome.sentence).second))
+      log_line(quiet ? LogLevel::info : LogLevel::warning, outcome.sentence);
+    return static_cast<bool>(outcome);
+  };
+  return {.reset_port = [power, report](const std::string& path) { return report(power->reset_port(path)); },
+          .rebind_controller = [power, report](const std::string& path) { return report(power->rebind_controller(path)); }};
+}
+
 }  // namespace
 
 DepthSource open_kinect(const Config& config, std::shared_ptr<hal::Clock> clock) {
   kinect2::KinectShared shared{
-      .bus = drivers::usb::make_libusb_bus(), .clock = clock, .cache = std::make_shared<kinect2::CalibrationCache>(config.cameras.kinect2.cache)};
+      .bus = drivers::usb::make_libusb_bus([](bool error, const std::string& text) { log_line(error ? LogLevel::warning : LogLevel::info, text); }),
+      .clock = clock,
+      .cache = std::make_shared<kinect2::CalibrationCache>(config.cameras.kinect2.cache),
+      .power = power_tools()};
   const auto where = positions(config, *shared.bus);
   return {.clock = clock,
           .cameras = make_cameras(config, shared, where),
