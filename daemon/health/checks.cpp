@@ -1,0 +1,97 @@
+// The order of the groups, and the groups that are a few lines each: clock, disk, DDS, GPIO.
+#include "daemon/health/checks.hpp"
+
+#include <fmt/format.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <netdb.h>
+#include <sys/socket.h>
+#include <sys/statvfs.h>
+#include <sys/timex.h>
+
+#include <set>
+
+namespace booth::daemon {
+
+const char* to_string(CheckResult result) {
+  switch (result) {
+    case CheckResult::ok:
+      return "ok";
+    case CheckResult::warning:
+      return "warning";
+    case CheckResult::error:
+      return "error";
+    case CheckResult::skipped:
+      return "skipped";
+  }
+  return "?";
+}
+
+Checks check_clock(const DoctorInputs&) {
+  timex state{};
+  const int answer = ::adjtimex(&state);
+  if (answer < 0) return {{"clock", "synchronised", CheckResult::skipped, "the kernel does not say (adjtimex is refused)"}};
+  if (answer == TIME_ERROR || (state.status & STA_UNSYNC) != 0)
+    return {{"clock", "synchronised", CheckResult::warning, "the clock is not synchronised: time stamps on the wire are marked so",
+             "run systemd-timesyncd or chrony"}};
+  return {{"clock", "synchronised", CheckResult::ok, fmt::format("synchronised, at most {:.1f} ms off", static_cast<double>(state.maxerror) / 1000)}};
+}
+
+Checks check_disk(const DoctorInputs& in) {
+  std::filesystem::path folder = in.config.session.directory;
+  std::error_code error;
+  while (!std::filesystem::exists(folder, error) && folder.has_relative_path()) folder = folder.parent_path();
+  struct statvfs s {};
+  if (::statvfs(folder.empty() ? "." : folder.c_str(), &s) != 0)
+    return {{"disk", "sessions", CheckResult::warning, fmt::format("{} cannot be examined", in.config.session.directory),
+             "does session.directory exist, may this user see it?"}};
+  const double free = static_cast<double>(s.f_bavail) * static_cast<double>(s.f_frsize), quota = static_cast<double>(in.config.session.quota_bytes);
+  const std::string seen = fmt::format("{} has {:.1f} GB free, session.quota_bytes allows {}", in.config.session.directory, free / 1e9,
+                                       quota > 0 ? fmt::format("{:.1f} GB", quota / 1e9) : "any amount");
+  if (free < 1e9) return {{"disk", "sessions", CheckResult::error, seen, "make room: sessions that cannot be written are lost"}};
+  if (quota > free)
+    return {{"disk", "sessions", CheckResult::warning, seen, "the disk may be full before the quota is used: lower session.quota_bytes, or make room"}};
+  return {{"disk", "sessions", CheckResult::ok, seen}};
+}
+
+Checks check_dds(const DoctorInputs& in) {
+  if (!in.config.dds.enabled) return {{"dds", "interface", CheckResult::skipped, "dds.enabled is false"}};
+  ifaddrs* list = nullptr;
+  if (::getifaddrs(&list) != 0) return {{"dds", "interface", CheckResult::skipped, "the network interfaces cannot be listed"}};
+  std::set<std::string> up;
+  bool found = false, found_up = false;
+  for (const ifaddrs* a = list; a != nullptr; a = a->ifa_next) {
+    char address[NI_MAXHOST] = "";
+    const int family = a->ifa_addr == nullptr ? AF_UNSPEC : a->ifa_addr->sa_family;
+    if (family == AF_INET || family == AF_INET6)
+      (void)::getnameinfo(a->ifa_addr, family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6), address, sizeof address, nullptr, 0, NI_NUMERICHOST);
+    const bool is_up = (a->ifa_flags & IFF_UP) != 0, same = in.config.dds.interface == a->ifa_name || in.config.dds.interface == address;
+    if (is_up) up.insert(a->ifa_name);
+    found = found || same;
+    found_up = found_up || (same && is_up);
+  }
+  ::freeifaddrs(list);
+  std::string names;
+  for (const auto& name : up) names += (names.empty() ? "" : ", ") + name;
+  const auto& wanted = in.config.dds.interface;
+  if (wanted.empty()) return {{"dds", "interface", CheckResult::ok, "the library chooses among " + names}};
+  if (!found)
+    return {
+        {"dds", "interface", CheckResult::error, fmt::format("dds.interface \"{}\" does not exist; up are {}", wanted, names), "name one of them, or none"}};
+  if (!found_up) return {{"dds", "interface", CheckResult::error, fmt::format("dds.interface \"{}\" is down", wanted), "bring it up, or name another"}};
+  return {{"dds", "interface", CheckResult::ok, wanted + " is up"}};
+}
+
+Checks run_checks(const DoctorInputs& in) {
+  Checks out;
+  if (in.config_problem.empty())
+    out.push_back({"configuration", "loads", CheckResult::ok, "no mistakes"});
+  else
+    out.push_back({"configuration", "loads", CheckResult::error, in.config_problem, "boothd will not start like this; the checks below look at the defaults"});
+  for (const auto group : {check_usb, check_cameras, check_clock, check_disk, check_dds})
+    for (auto& check : group(in)) out.push_back(std::move(check));
+  out.push_back({"gpio", "lines", CheckResult::skipped, "this version has no GPIO driver"});
+  return out;
+}
+
+}  // namespace booth::daemon

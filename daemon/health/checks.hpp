@@ -1,0 +1,46 @@
+// What `boothctl doctor` looks at: small checks in groups, each with what was seen and what to do about it.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "daemon/config/config.hpp"
+#include "hal/usb_topology.hpp"
+
+namespace booth::daemon {
+
+enum class CheckResult : std::uint8_t { ok, warning, error, skipped };
+const char* to_string(CheckResult result);
+
+struct Check {
+  std::string group, name;
+  CheckResult result = CheckResult::ok;
+  std::string seen;
+  std::string advice{};  ///< what to do; empty where nothing needs doing
+};
+using Checks = std::vector<Check>;
+
+/// Everything that checks may look at. `root` stands for "/", so that a planted tree can be examined.
+struct DoctorInputs {
+  Config config;
+  std::string config_problem;  ///< why the configuration could not be loaded; defaults are examined then
+  std::filesystem::path root = "/";
+  hal::UsbTopology usb;
+  std::vector<std::string> serials;  ///< of the sensors that the configuration names, in the order of their positions
+  double usbfs_bytes_per_sensor = 0;
+  bool (*is_sensor)(const hal::UsbDevice&) = nullptr;
+};
+
+// One group each, in a file of its own. A new group is one function and one line in run_checks().
+Checks check_usb(const DoctorInputs& in);
+Checks check_cameras(const DoctorInputs& in);
+Checks check_clock(const DoctorInputs& in);
+Checks check_disk(const DoctorInputs& in);
+Checks check_dds(const DoctorInputs& in);
+
+/// All groups in the order in which they are printed. Never throws for what it finds on the machine.
+Checks run_checks(const DoctorInputs& in);
+
+}  // namespace booth::daemon
