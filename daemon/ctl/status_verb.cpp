@@ -10,6 +10,7 @@
 
 #include "daemon/ctl/control_client.hpp"
 #include "daemon/ctl/verbs.hpp"
+#include "daemon/drivers_factory.usb.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -19,7 +20,21 @@ struct Options {
   bool json = false, watch = false;
 };
 
-using Json = nlohmann::json;
+using Json = nlohmann::ordered_json;
+
+/// Adds `port` and `controller` where a camera's serial is plugged into this machine.
+void add_places(Json& status) {
+  if (!status.contains("cameras") || !status["cameras"].is_array() || status["cameras"].empty()) return;
+  const auto usb = open_usb_topology()->read();
+  for (Json& camera : status["cameras"])
+    for (const auto& d : usb.devices)
+      if (camera.is_object() && is_sensor(d) && !d.serial.empty() && camera.value("serial", "") == d.serial) {
+        camera["port"] = d.path;
+        camera["controller"] = d.controller;
+      }
+}
+
+std::string camera_state(const std::string& state) { return state == "running" ? "delivering" : state == "lost" ? "recovering" : state; }
 
 std::string for_people(const Json& s) {
   std::string out =
@@ -28,8 +43,11 @@ std::string for_people(const Json& s) {
   if (const std::string alarm = s.value("alarm", ""); !alarm.empty()) out += "alarm      " + alarm + "\n";
   if (const std::string remark = s.value("remark", ""); !remark.empty()) out += "remark     " + remark + "\n";
   for (const Json& c : s.value("cameras", Json::array())) {
-    out += fmt::format("camera     {:<14} {:<9} {:>5.1f} frames/s, {} dropped, {} restarts{}\n", c.value("name", "?"), c.value("state", "?"),
-                       c.value("fps", 0.0), c.value("dropped", 0), c.value("restarts", 0), c.value("problem", "").empty() ? "" : ": " + c.value("problem", ""));
+    out += fmt::format("camera     {:<14} {:<10} {:>5.1f} frames/s, {} dropped, {} restarts{}{}{}\n", c.value("name", "?"), camera_state(c.value("state", "?")),
+                       c.value("fps", 0.0), c.value("dropped", 0), c.value("restarts", 0),
+                       c.value("serial", "").empty() ? "" : ", serial " + c.value("serial", ""),
+                       c.value("port", "").empty() ? "" : fmt::format(", port {} of {}", c.value("port", ""), c.value("controller", "?")),
+                       c.value("problem", "").empty() ? "" : ": " + c.value("problem", ""));
   }
   if (s.value("frames", 0) > 0) {
     const Json latency = s.value("latency_ms", Json::object());
@@ -47,11 +65,12 @@ void run(const Options& options) {
   const bool terminal = ::isatty(STDOUT_FILENO);
   while (true) {
     const std::string line = client.ask(R"({"request":"status"})");
+    Json status = Json::parse(line, nullptr, false);
+    if (!status.is_object()) throw VerbFailure("boothd gave an answer that is not JSON");
+    add_places(status);
     if (options.json) {
-      std::cout << line << std::endl;
+      std::cout << status.dump(-1, ' ', false, Json::error_handler_t::replace) << std::endl;
     } else {
-      const Json status = Json::parse(line, nullptr, false);
-      if (!status.is_object()) throw VerbFailure("boothd gave an answer that is not JSON");
       if (options.watch && terminal) std::cout << "\033[H\033[2J";
       std::cout << for_people(status) << std::flush;
     }

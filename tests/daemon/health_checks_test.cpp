@@ -1,0 +1,152 @@
+// What doctor says of planted machines: each trouble by its name, with its remedy, and silence where nothing is wrong.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "daemon/drivers_factory.usb.hpp"
+#include "daemon/health/checks.hpp"
+#include "tests/drivers/usb/planted_sysfs.hpp"
+
+namespace booth::daemon {
+namespace {
+
+using ::testing::HasSubstr;
+
+struct DoctorTest : ::testing::Test {
+  DoctorTest() { in.config.cameras.driver = "kinect2"; }
+  Checks examine(Checks (*group)(const DoctorInputs&) = check_usb) {
+    in.root = tree.root();
+    in.is_sensor = is_sensor;
+    in.usbfs_bytes_per_sensor = usbfs_bytes(in.config);
+    in.usb = open_usb_topology(tree.root())->read();
+    return group(in);
+  }
+  static std::string worst(const Checks& checks, const std::string& name) {
+    std::string out = "none";
+    for (const auto& c : checks)
+      if (c.name.starts_with(name) && (out == "none" || c.result == CheckResult::error || (c.result == CheckResult::warning && out == "ok")))
+        out = to_string(c.result);
+    return out;
+  }
+  static std::string troubles(const Checks& checks) {
+    std::string out;
+    for (const auto& c : checks)
+      if (c.result == CheckResult::error || c.result == CheckResult::warning) {
+        out += c.name + ": " + c.seen + "\n";
+        EXPECT_FALSE(c.advice.empty()) << c.seen;
+      }
+    return out;
+  }
+  void healthy() {
+    tree.set("sys/module/usbcore/parameters/usbfs_memory_mb", "256");
+    tree.set("etc/udev/rules.d/90-boothd-kinect2.rules", "");
+    for (int i = 0; i < 4; ++i) {
+      tree.controller({.address = "0000:0" + std::to_string(4 + i) + ":00.0",
+                       .vendor = "0x1912",
+                       .first_bus = 1 + 2 * i,
+                       .link_width = "1",
+                       .link_speed = "5.0 GT/s PCIe",
+                       .switches = {"0000:00:01.0", "0000:02:00.0"},
+                       .switch_width = switch_width,
+                       .switch_speed = switch_speed});
+      in.serials.push_back("00000000000" + std::to_string(i));
+      tree.sensor(std::to_string(2 + 2 * i) + "-1", {.serial = in.serials.back(), .streaming = true});
+    }
+  }
+
+  tests::PlantedSysfs tree;
+  DoctorInputs in;
+  std::string switch_width = "4", switch_speed = "5.0 GT/s PCIe";
+};
+
+TEST_F(DoctorTest, HasNothingToSayOfFourSensorsOnFourGoodControllers) {
+  healthy();
+  EXPECT_EQ(troubles(examine()), "");
+  EXPECT_EQ(troubles(examine(check_cameras)), "");
+}
+
+TEST_F(DoctorTest, NamesTheSlotThatIsTooSlowForAllOfThem) {
+  switch_width = "1";
+  healthy();
+  const auto checks = examine();
+  EXPECT_EQ(worst(checks, "PCIe link"), "error");
+  EXPECT_THAT(troubles(checks), HasSubstr("0000:02:00.0 runs x1"));
+  EXPECT_THAT(troubles(checks), HasSubstr("4 sensors"));
+}
+
+TEST_F(DoctorTest, FindsSensorsThatShareAControllerAndLackMemory) {
+  tree.controller({});
+  for (int i = 1; i <= 4; ++i) tree.sensor("2-" + std::to_string(i), {.serial = std::to_string(i)});
+  const auto checks = examine();
+  EXPECT_EQ(worst(checks, "one sensor per controller"), "error");
+  EXPECT_EQ(worst(checks, "usbfs memory"), "error") << "16 MiB for four";
+  EXPECT_EQ(worst(checks, "udev rule"), "warning");
+  EXPECT_EQ(worst(checks, "controller 0000"), "none") << "Intel's are good";
+}
+
+TEST_F(DoctorTest, KnowsTheMakersOfControllersOnlyWhereASensorHangs) {
+  for (const auto& [vendor, expected] : {std::pair<std::string, std::string>{"0x1b21", "error"},
+                                         {"0x1b6f", "error"},
+                                         {"0x1106", "error"},
+                                         {"0x1022", "warning"},
+                                         {"0x8086", "none"},
+                                         {"0x1033", "none"}}) {
+    tests::PlantedSysfs fresh;
+    fresh.controller({.vendor = vendor});
+    in.is_sensor = is_sensor;
+    in.usb = open_usb_topology(fresh.root())->read();
+    EXPECT_EQ(worst(check_usb(in), "controller 0000"), "none") << vendor;
+    fresh.sensor("2-1", {});
+    in.usb = open_usb_topology(fresh.root())->read();
+    EXPECT_EQ(worst(check_usb(in), "controller 0000"), expected) << vendor;
+  }
+}
+
+TEST_F(DoctorTest, FindsUsb2SpeedAudioSleepAndMissingNodes) {
+  tree.controller({});
+  tree.sensor("1-3", {.speed = "480", .audio = true, .autosuspend = true, .node = false});
+  const auto checks = examine();
+  EXPECT_EQ(worst(checks, "USB 3 speed"), "error");
+  EXPECT_EQ(worst(checks, "audio"), "warning");
+  EXPECT_EQ(worst(checks, "autosuspend"), "warning");
+  EXPECT_EQ(worst(checks, "permissions"), "error");
+}
+
+TEST_F(DoctorTest, FindsADeadControllerAndOneWithoutADriver) {
+  tree.controller({.address = "0000:05:00.0", .dead = true});
+  tree.controller({.address = "0000:06:00.0", .driver = ""});
+  const std::string found = troubles(examine());
+  EXPECT_THAT(found, HasSubstr("0000:05:00.0: has died"));
+  EXPECT_THAT(found, HasSubstr("0000:06:00.0: is bound to no driver"));
+}
+
+TEST_F(DoctorTest, ComparesWhatIsPluggedInWithWhatIsConfigured) {
+  tree.controller({});
+  tree.sensor("2-1", {.serial = "111"});
+  tree.sensor("2-2", {.serial = "222"});
+  tree.sensor("2-3", {.serial = "222"});
+  in.serials = {"111", "333"};
+  const std::string found = troubles(examine(check_cameras));
+  EXPECT_THAT(found, HasSubstr("333 is configured but not plugged in"));
+  EXPECT_THAT(found, HasSubstr("222 at port 2-2 is plugged in but not configured"));
+  EXPECT_THAT(found, HasSubstr("222 is plugged in 2 times"));
+}
+
+TEST_F(DoctorTest, OfAMachineWithoutUsbIsAnErrorOnlyWhereSensorsAreWanted) {
+  const tests::TemporaryFolder empty;
+  in.is_sensor = is_sensor;
+  in.usb = open_usb_topology(empty.path)->read();
+  EXPECT_EQ(worst(check_usb(in), "kernel"), "error");
+  in.config.cameras.driver = "synthetic";
+  EXPECT_EQ(worst(check_usb(in), "kernel"), "skipped");
+  for (const auto& check : run_checks(in)) EXPECT_FALSE(check.seen.empty()) << check.name;
+}
+
+TEST_F(DoctorTest, FindsAnInterfaceThatDoesNotExist) {
+  in.config.dds.interface = "nosuchinterface0";
+  EXPECT_EQ(worst(check_dds(in), "interface"), "error");
+  in.config.dds.interface = "127.0.0.1";
+  EXPECT_EQ(worst(check_dds(in), "interface"), "ok");
+}
+
+}  // namespace
+}  // namespace booth::daemon
