@@ -112,6 +112,8 @@ TEST_F(ProgramTest, ExitStatuses) {
   EXPECT_EQ(run("boothd", {"--set", "models.directory=/nonexistent"}), 69) << "the simulated booth needs the models, too";
   EXPECT_EQ(run("boothctl", {"status", "--socket", socket}), 1);
   EXPECT_THAT(output, HasSubstr("boothd is not running"));
+  EXPECT_EQ(run("boothctl", {"doctor", "--root", folder.path.string(), "--set", "cameras.driver=kinect2", "--json"}), 1);
+  EXPECT_THAT(output, HasSubstr("this machine has no USB"));
   EXPECT_EQ(run("boothctl", {"dance"}), 64);
   EXPECT_EQ(run("boothctl", {"track", "/nonexistent"}), 1);
 }
