@@ -23,6 +23,13 @@ Bytes completion(std::uint32_t transaction, std::uint32_t status) {
   return out;
 }
 
+std::uint32_t hostile_index(FaultPlan& faults, std::uint32_t index) {
+  if (faults.take(Fault::footer_index_ten)) return 10;
+  if (faults.take(Fault::footer_index_31)) return 31;
+  if (faults.take(Fault::footer_index_32)) return 32;
+  return faults.take(Fault::footer_index_huge) ? 0xFFFF'FFFFu : index;
+}
+
 }  // namespace
 
 DeviceModel::DeviceModel(EmulatedDeviceSettings settings)
@@ -45,8 +52,9 @@ std::vector<std::string> DeviceModel::log() const {
 void DeviceModel::bus_reset() {
   const std::lock_guard lock(mutex_);
   replies_.clear();
+  late_.clear();
   alternate_ = 0;
-  infrared_ = suspended_ = reboot_ = false;
+  infrared_ = colour_ = suspended_ = reboot_ = false;
 }
 
 void DeviceModel::control(const usb::ControlRequest& request) {
@@ -67,6 +75,7 @@ Bytes DeviceModel::page(std::uint32_t number) {
     case Page::serial: {
       Bytes out(0x80);
       for (std::size_t i = 0; i < settings_.serial.size() && i < 63; ++i) write_u16(out, 2 * i, static_cast<std::uint8_t>(settings_.serial[i]));
+      if (faults_.take(Fault::serial_without_terminator)) out.resize(2 * settings_.serial.size());
       if (faults_.take(Fault::serial_with_control_characters)) write_u16(out, 2, '\n');
       return out;
     }
@@ -92,6 +101,7 @@ Bytes DeviceModel::page(std::uint32_t number) {
       const std::array<double, 10> values{c.fx, c.fy, 0, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, c.k3};
       for (std::size_t i = 0; i < values.size(); ++i) write_f32(out, 4 * i, static_cast<float>(values[i]));
       if (faults_.take(Fault::nan_intrinsics)) write_f32(out, 0, std::numeric_limits<float>::quiet_NaN());
+      if (faults_.take(Fault::zero_intrinsics)) write_f32(out, 0, 0.0f);
       if (faults_.take(Fault::huge_intrinsics)) write_f32(out, 4, 1e30f);
       return out;
     }
@@ -142,12 +152,20 @@ Bytes DeviceModel::answer(std::uint32_t code, std::span<const std::uint32_t> par
       reboot_ = true;
       return {};
     case Command::colour_streaming:
+      colour_ = first != 0;
+      return {};
     case Command::light:
       return {};
     case Command::colour_setting: {
+      // One setting each; what was set is what a read of the next number says.
+      constexpr std::uint32_t kFirstGet = 2;
       Bytes out(16);
       write_u32(out, 0, 1);
-      if (parameters.size() >= 4) write_u32(out, 12, parameters[3]);
+      if (parameters.size() < 4) return out;
+      const std::uint32_t setting = parameters[2];
+      const bool get = setting >= kFirstGet && setting % 2 == 0 && setting <= 26 && colour_settings_.contains(setting - 1);
+      if (!get) colour_settings_[setting % 128] = parameters[3];
+      write_u32(out, 12, get ? colour_settings_[setting - 1] : parameters[3]);
       return out;
     }
   }
@@ -156,7 +174,7 @@ Bytes DeviceModel::answer(std::uint32_t code, std::span<const std::uint32_t> par
 }
 
 void DeviceModel::command(std::span<const std::byte> packet) {
-  if (packet.size() < kRequestHeaderBytes || packet.size() % 4 != 0 || read_u32(packet, 0) != kRequestMagic) return;
+  if (packet.size() < kRequestHeaderBytes || packet.size() > 512 || packet.size() % 4 != 0 || read_u32(packet, 0) != kRequestMagic) return;
   std::uint32_t transaction = read_u32(packet, 4);
   const std::uint32_t most = read_u32(packet, 8), code = read_u32(packet, 12);
   std::vector<std::uint32_t> parameters;
@@ -168,15 +186,24 @@ void DeviceModel::command(std::span<const std::byte> packet) {
   if (data.size() > most) data.resize(most);
   if (faults_.take(Fault::short_data) && data.size() > 3) data.resize(3);
   if (faults_.take(Fault::wrong_transaction)) transaction += 1000;
-  const bool premature = faults_.take(Fault::premature_completion);
+  if (!data.empty() && faults_.take(Fault::reply_is_completion)) data = completion(0x1234'5678, 0);
+  const bool premature = faults_.take(Fault::premature_completion), late = faults_.take(Fault::late_completion);
   const std::lock_guard lock(mutex_);
-  if (!data.empty() && !premature) replies_.push_back(std::move(data));
-  replies_.push_back(completion(transaction, status));
+  for (auto& held : late_) replies_.push_back(std::move(held));
+  late_.clear();
+  auto& queue = late ? late_ : replies_;
+  if (!data.empty() && !premature) queue.push_back(std::move(data));
+  queue.push_back(completion(transaction, status));
 }
 
 void DeviceModel::render(hal::MonotonicTime at, std::uint64_t frame, std::span<std::byte> images) {
+  if (!still_.empty()) {
+    std::copy(still_.begin(), still_.end(), images.begin());
+    return;
+  }
   settings_.view(at, depth_, brightness_);
   forward_.encode(depth_, brightness_, settings_.noise_counts, settings_.seed * 0x1000'0000 + frame, images);
+  if (settings_.still) still_.assign(images.begin(), images.end());
 }
 
 void InfraredSource::send_frame(hal::MonotonicTime at, const std::function<bool(Status, std::span<const std::byte>)>& send) {
@@ -185,8 +212,10 @@ void InfraredSource::send_frame(hal::MonotonicTime at, const std::function<bool(
   if (stalled_) return;
   model_.render(at, frame_++, images_);
   if (faults.take(Fault::sequence_jump)) sequence_ += 1'000'000;
+  if (faults.take(Fault::sequence_wraps)) sequence_ = 0xFFFF'FFFE;
   if (faults.take(Fault::time_jump)) time_offset_ += 3600 * kTicksPerSecond;
   const auto ticks = static_cast<std::uint32_t>(at.time_since_epoch().count() / (1'000'000'000 / kTicksPerSecond));
+  if (faults.take(Fault::time_wraps)) time_offset_ = 0u - ticks - kTicksPerSecond / 10;
   const bool repeat = faults.take(Fault::sequence_repeat);
   for (int i = 0; i < kImages; ++i) {
     if (i < 9 && faults.take(Fault::image_missing)) continue;
@@ -204,7 +233,7 @@ bool InfraredSource::send_image(int index, std::uint32_t timestamp, const std::f
   write_u32(footer, 4, model_.last_transaction());
   write_u32(footer, 8, timestamp);
   write_u32(footer, 12, sequence_);
-  write_u32(footer, 16, faults.take(Fault::footer_index_ten) ? 10u : faults.take(Fault::footer_index_huge) ? 0xFFFF'FFFFu : static_cast<std::uint32_t>(index));
+  write_u32(footer, 16, hostile_index(faults, static_cast<std::uint32_t>(index)));
   write_u32(footer, 20, static_cast<std::uint32_t>(faults.take(Fault::footer_length) ? kImageBytes - 1 : kImageBytes));
   for (std::size_t at = 0; at < kSubImageBytes; at += kPacketBytes) {
     auto packet = std::span<const std::byte>(wire_).subspan(at, std::min(kPacketBytes, kSubImageBytes - at));

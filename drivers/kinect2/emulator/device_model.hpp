@@ -4,6 +4,7 @@
 #include <atomic>
 #include <deque>
 #include <functional>
+#include <map>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -33,6 +34,7 @@ class DeviceModel {
   bool take_reply(std::vector<std::byte>& out);
   bool wants_reboot() { return reboot_.exchange(false); }
   bool streams_infrared() const { return infrared_ && alternate_ == 1 && !suspended_; }
+  bool streams_colour() const { return colour_ && !suspended_; }
   hal::Nanoseconds frame_period() const { return hal::from_seconds(1.0 / settings_.rate); }
   /// The ten packed images of what is seen at an instant.
   void render(hal::MonotonicTime at, std::uint64_t frame, std::span<std::byte> images);
@@ -46,12 +48,14 @@ class DeviceModel {
   const PhaseOffsets phase_;
   const ForwardModel forward_;
   std::vector<float> depth_, brightness_;
+  std::vector<std::byte> still_;  ///< the one frame of a device with a still view
   FaultPlan faults_;
   mutable std::mutex mutex_;
   std::vector<std::string> log_;
-  std::deque<std::vector<std::byte>> replies_;
+  std::deque<std::vector<std::byte>> replies_, late_;
+  std::map<std::uint32_t, std::uint32_t> colour_settings_;
   std::atomic<int> alternate_{0};
-  std::atomic<bool> infrared_{false}, suspended_{false}, reboot_{false};
+  std::atomic<bool> infrared_{false}, colour_{false}, suspended_{false}, reboot_{false};
   std::atomic<std::uint32_t> last_transaction_{0};
 };
 

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "drivers/kinect2/bytes.hpp"
+#include "drivers/kinect2/emulator/colour_source.hpp"
 #include "drivers/kinect2/emulator/device_model.hpp"
 #include "drivers/kinect2/layout.hpp"
 
@@ -20,6 +21,10 @@ namespace {
 using namespace std::chrono_literals;
 using usb::Status;
 
+/// Times of a stepped device: those of Pace::fast elsewhere.
+constexpr hal::MonotonicTime kSteppedOrigin{1s};
+constexpr hal::Nanoseconds kSteppedDelay = 45ms;
+
 /// A device and whether its plug is in.
 struct Slot {
   Slot(EmulatedDeviceSettings settings, int place) : model(std::move(settings)), number(place) {}
@@ -27,6 +32,13 @@ struct Slot {
   const int number;
   std::atomic<int> address{1};
   std::atomic<bool> plugged{true};
+  std::atomic<int> steps{0};
+  std::atomic<std::int64_t> sent{0};  ///< frames of a stepped device, over all of its streams
+  bool take_step() {
+    for (int n = steps; n > 0;)
+      if (steps.compare_exchange_weak(n, n - 1)) return true;
+    return false;
+  }
   std::atomic<std::int64_t> back_at{0};  ///< monotonic nanoseconds; until then it is away by itself
 };
 
@@ -45,23 +57,34 @@ class EmulatedStream final : public usb::Stream {
 
  private:
   void run() {
-    const bool infrared = settings_.isochronous;
+    auto& model = slot_->model;
+    InfraredSource infrared(model);
+    std::optional<ColourSource> colour;
+    if (!settings_.isochronous) colour.emplace(model);
     auto next = clock_.now();
-    InfraredSource source(slot_->model);
+    hal::MonotonicTime arrived{};
+    const std::function<bool(Status, std::span<const std::byte>)> send = [&](Status status, std::span<const std::byte> data) {
+      sink_.on_packet(status, data, model.settings().stepped ? arrived : clock_.now());
+      return !stop_ && slot_->plugged;
+    };
     while (!stop_) {
       if (!slot_->plugged) return sink_.on_end(Status::no_device);
       const auto now = clock_.now();
-      if (now < next) {
+      hal::MonotonicTime at = now;
+      if (model.settings().stepped) {
+        if (!slot_->take_step()) {
+          std::this_thread::sleep_for(200us);
+          continue;
+        }
+        at = kSteppedOrigin + model.frame_period() * slot_->sent++;
+        arrived = at + kSteppedDelay;
+      } else if (now < next) {
         std::this_thread::sleep_for(std::min<hal::Nanoseconds>(next - now, 5ms));
         continue;
       }
-      if (infrared && slot_->model.streams_infrared()) {
-        source.send_frame(now, [&](Status status, std::span<const std::byte> data) {
-          sink_.on_packet(status, data, clock_.now());
-          return !stop_ && slot_->plugged;
-        });
-      }
-      next += slot_->model.frame_period();
+      if (settings_.isochronous && model.streams_infrared()) infrared.send_frame(at, send);
+      if (colour && model.streams_colour()) colour->send_message(at, settings_.packet_bytes, send);
+      next += model.frame_period();
       next = std::max(next, now);  // late frames are skipped, as a real sensor would have lost them
     }
     sink_.on_end(Status::cancelled);
@@ -77,12 +100,12 @@ class EmulatedStream final : public usb::Stream {
 
 class EmulatedDevice final : public usb::Device {
  public:
-  EmulatedDevice(std::shared_ptr<Slot> slot, usb::DeviceInfo info, std::shared_ptr<hal::Clock> clock, std::function<void(Slot&)> changed)
-      : slot_(std::move(slot)), info_(std::move(info)), clock_(std::move(clock)), changed_(std::move(changed)), address_(slot_->address) {
+  EmulatedDevice(std::shared_ptr<Slot> slot, usb::DeviceInfo info, std::shared_ptr<hal::Clock> clock, Absences absences, std::function<void(Slot&)> changed)
+      : slot_(std::move(slot)), info_(std::move(info)), clock_(std::move(clock)), absences_(absences), changed_(std::move(changed)), address_(slot_->address) {
     slot_->model.bus_reset();
   }
   ~EmulatedDevice() override {
-    if (there() && slot_->model.faults().take(Fault::vanish_after_close)) leave(5s);
+    if (there() && slot_->model.faults().take(Fault::vanish_after_close)) leave(absences_.close);
   }
 
   const usb::DeviceInfo& info() const override { return info_; }
@@ -100,7 +123,7 @@ class EmulatedDevice final : public usb::Device {
     slot_->model.set_alternate(alternate);
   }
   std::size_t bytes_per_interval(int interface, int alternate, std::uint8_t endpoint) override {
-    return interface == kStreamInterface && alternate == 1 && endpoint == kInfraredIn ? kPacketBytes : 0;
+    return interface == kStreamInterface && alternate == 1 && endpoint == kInfraredIn ? slot_->model.settings().bytes_per_interval : 0;
   }
   void control_out(const usb::ControlRequest& request, std::span<const std::byte>, hal::Nanoseconds) override {
     require("control " + std::to_string(request.type) + " " + std::to_string(request.request) + " " + std::to_string(request.value) + " " +
@@ -110,11 +133,11 @@ class EmulatedDevice final : public usb::Device {
   usb::TransferResult bulk_out(std::uint8_t, std::span<const std::byte> data, hal::Nanoseconds) override {
     if (!request("command")) return {Status::no_device, 0};
     slot_->model.command(data);
-    if (slot_->model.wants_reboot()) leave(3s);
+    if (slot_->model.wants_reboot()) leave(absences_.reboot);
     return {Status::completed, data.size()};
   }
   usb::TransferResult bulk_in(std::uint8_t endpoint, std::span<std::byte> data, hal::Nanoseconds timeout) override {
-    if (!there()) return {Status::no_device, 0};
+    if (!request("answer")) return {Status::no_device, 0};
     std::vector<std::byte> reply;
     if (endpoint != kReplyIn || !slot_->model.take_reply(reply)) {
       std::this_thread::sleep_for(std::min<hal::Nanoseconds>(timeout, 50ms));  // a test need not wait out a whole second
@@ -155,13 +178,14 @@ class EmulatedDevice final : public usb::Device {
   const std::shared_ptr<Slot> slot_;
   const usb::DeviceInfo info_;
   const std::shared_ptr<hal::Clock> clock_;
+  const Absences absences_;
   const std::function<void(Slot&)> changed_;
   const int address_;
 };
 
 class Box final : public EmulatedBus {
  public:
-  explicit Box(std::shared_ptr<hal::Clock> clock) : clock_(std::move(clock)) {}
+  Box(std::shared_ptr<hal::Clock> clock, Absences absences) : clock_(std::move(clock)), absences_(absences) {}
 
   int add(EmulatedDeviceSettings settings) override {
     const std::lock_guard lock(mutex_);
@@ -181,6 +205,7 @@ class Box final : public EmulatedBus {
     s->plugged = true;
     ++changes_;
   }
+  void step(int device) override { ++slot(device)->steps; }
   FaultPlan& faults(int device) override { return slot(device)->model.faults(); }
   std::vector<std::string> requests(int device) const override { return slot(device)->model.log(); }
 
@@ -198,7 +223,7 @@ class Box final : public EmulatedBus {
   std::unique_ptr<usb::Device> open(const usb::DeviceInfo& info) override {
     for (const auto& s : all())
       if (s->plugged && s->address == info.address && s->number + 1 == info.bus)
-        return std::make_unique<EmulatedDevice>(s, info, clock_, [this](Slot&) { ++changes_; });
+        return std::make_unique<EmulatedDevice>(s, info, clock_, absences_, [this](Slot&) { ++changes_; });
     throw usb::Error(usb::Fault::no_device, "Kinect v2 " + info.serial + " is not on the bus any more");
   }
   std::uint64_t changes() const override { return changes_; }
@@ -207,7 +232,7 @@ class Box final : public EmulatedBus {
   static usb::DeviceInfo info_of(const Slot& s) {
     return {.vendor = kDeviceIds[0].first,
             .product = kDeviceIds[0].second,
-            .speed = usb::Speed::super,
+            .speed = s.model.settings().speed,
             .bus = s.number + 1,
             .address = s.address,
             .path = std::to_string(s.number + 1) + "-1",
@@ -223,6 +248,7 @@ class Box final : public EmulatedBus {
   }
 
   const std::shared_ptr<hal::Clock> clock_;
+  const Absences absences_;
   mutable std::mutex mutex_;
   std::vector<std::shared_ptr<Slot>> slots_;
   std::atomic<std::uint64_t> changes_{0};
@@ -230,6 +256,8 @@ class Box final : public EmulatedBus {
 
 }  // namespace
 
-std::shared_ptr<EmulatedBus> make_emulated_bus(std::shared_ptr<hal::Clock> clock) { return std::make_shared<Box>(std::move(clock)); }
+std::shared_ptr<EmulatedBus> make_emulated_bus(std::shared_ptr<hal::Clock> clock, Absences absences) {
+  return std::make_shared<Box>(std::move(clock), absences);
+}
 
 }  // namespace booth::drivers::kinect2::emulator

@@ -16,14 +16,27 @@ enum class Fault : std::uint8_t {
   empty_packets,      ///< three more empty ones inside an image
   footer_length,      ///< wrong length in a footer
   footer_index_ten,   ///< the first index beyond the last
+  footer_index_31,    ///< the last that a shift of 32 bits allows
+  footer_index_32,    ///< the first that it does not
   footer_index_huge,  ///< 0xFFFFFFFF
   image_missing,      ///< one image of a frame is not sent
   sequence_jump,      ///< the frame counter jumps by a million
   sequence_repeat,    ///< two frames with one number
+  sequence_wraps,     ///< the frame counter stands two before its wrap
   time_jump,          ///< the time stamp jumps by an hour
+  time_wraps,         ///< the time stamp stands a tenth of a second before its wrap
   stream_stalls,      ///< no more packets until the stream is opened anew
+  // Colour; one occurrence is one message.
+  colour_without_end,      ///< the JPEG's end marker is missing
+  colour_wrong_size,       ///< the trailer's total size is off by one
+  colour_filler_too_long,  ///< more filler than message
+  colour_too_long,         ///< more than two mebibytes
+  colour_huge_picture,     ///< a JPEG that claims 65535 x 65535
+  colour_truncated_scan,   ///< a JPEG whose picture data stop in the middle
   // Commands; one occurrence is one command.
   command_timeout,
+  late_completion,      ///< its answer comes when the next command was sent
+  reply_is_completion,  ///< 16 bytes of data that begin like a completion
   wrong_transaction,
   premature_completion,
   short_data,
@@ -31,7 +44,9 @@ enum class Fault : std::uint8_t {
   // Calibration and state; one occurrence is one answer.
   short_phase_tables,
   nan_intrinsics,
+  zero_intrinsics,
   huge_intrinsics,
+  serial_without_terminator,
   serial_with_control_characters,
   never_ready,
   alternate_refused,   ///< no bandwidth
