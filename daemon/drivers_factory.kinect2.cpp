@@ -11,7 +11,9 @@
 
 #include "daemon/drivers_factory.usb.hpp"
 #include "daemon/health/log.hpp"
+#include "daemon/health/repeated_log.hpp"
 #include "drivers/kinect2/kinect_camera.hpp"
+#include "drivers/kinect2/kinect_device.hpp"
 #include "drivers/kinect2/layout.hpp"
 #include "drivers/recording/calibration_file.hpp"
 #include "drivers/usb/libusb_bus.hpp"
@@ -32,7 +34,10 @@ struct Position {
 
 std::string found_serials(drivers::usb::Bus& bus) {
   std::vector<std::string> serials;
-  for (const auto& device : bus.list(kinect2::kDeviceIds)) serials.push_back(device.serial.empty() ? "one without a readable serial" : device.serial);
+  for (const auto& device : bus.list(kinect2::kDeviceIds)) {
+    const std::string serial = kinect2::clean_serial(device.serial);
+    serials.push_back(serial.empty() ? "one without a readable serial" : serial);
+  }
   return serials.empty() ? "none is plugged in" : fmt::format("plugged in are {}", fmt::join(serials, ", "));
 }
 
@@ -56,6 +61,13 @@ std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus) {
     for (std::size_t j = 0; j < i; ++j)
       if (out[i].serial == out[j].serial) throw std::runtime_error("cameras.kinect2.serials names " + out[i].serial + " twice");
   return out;
+}
+
+/// Each line once in ten minutes: a sensor that dies every few seconds tells its firmware each time.
+kinect2::Notes notes(std::shared_ptr<hal::Clock> clock) {
+  return [log = std::make_shared<RepeatedLog>(), clock = std::move(clock)](kinect2::Gravity gravity, const std::string& sentence) {
+    log->say(gravity == kinect2::Gravity::warning ? LogLevel::warning : LogLevel::info, sentence, clock->now());
+  };
 }
 
 hal::DepthCameras make_cameras(const Config& config, const kinect2::KinectShared& shared, const std::vector<Position>& positions) {
@@ -98,7 +110,8 @@ DepthSource open_kinect(const Config& config, std::shared_ptr<hal::Clock> clock)
       .bus = drivers::usb::make_libusb_bus([](bool error, const std::string& text) { log_line(error ? LogLevel::warning : LogLevel::info, text); }),
       .clock = clock,
       .cache = std::make_shared<kinect2::CalibrationCache>(config.cameras.kinect2.cache),
-      .power = power_tools()};
+      .power = power_tools(),
+      .notes = notes(clock)};
   const auto where = positions(config, *shared.bus);
   return {.clock = clock,
           .cameras = make_cameras(config, shared, where),
@@ -119,7 +132,7 @@ DepthSource open_emulated_kinect(const Config& config, drivers::Person person, s
   auto emulated = kinect2::emulator::make_emulated_scene(std::move(scene), std::move(persons), config.cameras.emulated.rate, clock);
   std::vector<Position> where;
   for (const auto& camera : emulated.cameras) where.push_back({camera.name, camera.serial, camera.camera_to_world});
-  const kinect2::KinectShared shared{.bus = emulated.bus, .clock = clock};
+  const kinect2::KinectShared shared{.bus = emulated.bus, .clock = clock, .notes = notes(clock)};
   return {.clock = clock,
           .cameras = make_cameras(config, shared, where),
           .truth = std::move(emulated.truth),

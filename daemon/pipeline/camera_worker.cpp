@@ -54,14 +54,27 @@ void CameraWorker::pause(hal::Nanoseconds duration) {
 }
 
 bool CameraWorker::start_camera() {
+  const BusyWithDevice busy(*this);
   try {
     camera_.start();
-    set_problem("");
-    return true;
+    return true;  // what was wrong is shown until a frame proves that it is over
   } catch (const std::exception& e) {
     set_problem(e.what());
     return false;
   }
+}
+
+void CameraWorker::stop_camera() {
+  const BusyWithDevice busy(*this);
+  camera_.stop();
+}
+
+std::uint64_t CameraWorker::progress() const {
+  const std::uint64_t turns = progress_.load(std::memory_order_relaxed);
+  const auto since = busy_since_.load(std::memory_order_relaxed);
+  if (since == 0) return turns;
+  const auto busy = clock_.now() - hal::MonotonicTime(hal::Nanoseconds(since));
+  return turns + static_cast<std::uint64_t>(std::clamp<std::int64_t>(busy / 100ms, 0, kPatienceWithDevice / 100ms));
 }
 
 void CameraWorker::note_frame(hal::MonotonicTime now) {
@@ -82,8 +95,10 @@ void CameraWorker::run() {
   constexpr int kSilentReads = 20;  // two seconds without a frame: the device is taken for stalled
   hal::Nanoseconds back_off = kFirstPause;
   int slot = -1;
+  bool troubled = false;
   while (!stop_) {
     if (!start_camera()) {
+      troubled = true;
       state_.store(CameraState::lost, std::memory_order_release);
       pause(back_off);
       back_off = std::min<hal::Nanoseconds>(2 * back_off, kLongestPause);
@@ -99,6 +114,8 @@ void CameraWorker::run() {
       if (status == hal::ReadStatus::frame) {
         silent = 0;
         back_off = kFirstPause;
+        if (troubled) set_problem("");
+        troubled = false;
         state_.store(CameraState::running, std::memory_order_release);
         note_frame(clock_.now());
         if (slot < 0) {
@@ -130,7 +147,8 @@ void CameraWorker::run() {
       break;
     }
     state_.store(CameraState::lost, std::memory_order_release);
-    camera_.stop();
+    troubled = true;
+    stop_camera();
     restarts_.fetch_add(1, std::memory_order_relaxed);
     pause(back_off);
     back_off = std::min<hal::Nanoseconds>(2 * back_off, kLongestPause);

@@ -127,17 +127,25 @@ void Controller::take_frames() {
 void Controller::watch_cameras() {
   const std::vector<CameraStatus> cameras = pipeline_->cameras();
   camera_states_.resize(cameras.size(), CameraState::starting);
+  camera_problems_.resize(cameras.size());
   int running = 0;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     running += cameras[i].state == CameraState::running;
-    if (cameras[i].state == camera_states_[i]) continue;
+    if (cameras[i].state == camera_states_[i]) {
+      // Still lost, but perhaps for another reason than before.
+      if (cameras[i].state == CameraState::lost && !cameras[i].problem.empty() && cameras[i].problem != camera_problems_[i])
+        camera_log_.say(LogLevel::warning, fmt::format("camera {}: {}", cameras[i].name, camera_problems_[i] = cameras[i].problem), clock_.now());
+      continue;
+    }
+    camera_problems_[i] = cameras[i].problem;
     const std::string text =
         fmt::format("camera {} is {}{}{}", cameras[i].name, to_string(cameras[i].state), cameras[i].problem.empty() ? "" : ": ", cameras[i].problem);
     const bool bad = cameras[i].state == CameraState::lost;
-    log_line(bad ? LogLevel::warning : LogLevel::info, text);
+    camera_log_.say(bad ? LogLevel::warning : LogLevel::info, text, clock_.now());
     say_event(bad ? "fault" : "state", "cameras", text);
     camera_states_[i] = cameras[i].state;
   }
+  camera_log_.tell(clock_.now());
   const bool paused = running < settings_.minimum_cameras;
   {
     const std::lock_guard lock(shared_mutex_);

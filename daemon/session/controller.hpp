@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "daemon/dds/dds_link.hpp"
+#include "daemon/health/repeated_log.hpp"
 #include "daemon/pipeline/pipeline.hpp"
 #include "daemon/record/session_files.hpp"
 #include "daemon/record/session_log.hpp"
@@ -126,6 +127,8 @@ class Controller final : public FrameSink {
   SessionMachine machine_;
   bool body_published_ = false;
   std::vector<CameraState> camera_states_;
+  std::vector<std::string> camera_problems_;
+  RepeatedLog camera_log_;  ///< one line for each cause; repetitions are counted
   hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{};
   std::string status_key_;
   std::int64_t session_began_utc_ = 0;

@@ -142,4 +142,9 @@ hal::Intrinsics unmirrored_intrinsics(const DepthCameraParameters& p) {
       .width = kWidth, .height = kHeight, .fx = p.fx, .fy = p.fy, .cx = kWidth - 0.5 - p.cx, .cy = p.cy - 0.5, .distortion = {p.k1, p.k2, p.p1, -p.p2, p.k3}};
 }
 
+DepthCameraParameters mirrored_parameters(const hal::Intrinsics& k) {
+  const auto& d = k.distortion;
+  return {.fx = k.fx, .fy = k.fy, .cx = kWidth - 0.5 - k.cx, .cy = k.cy + 0.5, .k1 = d[0], .k2 = d[1], .p1 = d[2], .p2 = -d[3], .k3 = d[4]};
+}
+
 }  // namespace booth::drivers::kinect2

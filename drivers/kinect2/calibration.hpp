@@ -55,5 +55,7 @@ std::string parse_board(std::span<const std::byte> reply);
 
 /// For the HAL's image, which is not mirrored: column 511 - c of the device's, pixel (0, 0) is the centre of the first pixel.
 hal::Intrinsics unmirrored_intrinsics(const DepthCameraParameters& parameters);
+/// The inverse, for an emulated sensor that is to see what such a camera sees.
+DepthCameraParameters mirrored_parameters(const hal::Intrinsics& intrinsics);
 
 }  // namespace booth::drivers::kinect2

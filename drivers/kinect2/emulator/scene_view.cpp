@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
-#include "drivers/kinect2/emulator/forward_model.hpp"
 #include "drivers/kinect2/layout.hpp"
 
 namespace booth::drivers::kinect2::emulator {
@@ -18,10 +18,10 @@ constexpr float kBrightness = 20000.0f, kDarkest = 400.0f, kBrightest = 20000.0f
 EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<drivers::Person> persons, double rate, std::shared_ptr<hal::Clock> clock) {
   if (settings.cameras.empty()) settings.cameras = camera_ring();
   EmulatedScene scene;
-  const DepthCameraParameters lens = typical_camera();
   for (std::size_t i = 0; i < settings.cameras.size(); ++i) {
     auto& camera = settings.cameras[i];
-    camera.intrinsics = unmirrored_intrinsics(lens);
+    if (camera.intrinsics.width != kWidth || camera.intrinsics.height != kHeight)
+      throw std::invalid_argument("camera '" + camera.name + "' of an emulated scene must have 512 x 424 pixels, as the sensor has");
     camera.depth_scale = 0.0001;  // finer than the sensor's own noise
     camera.serial = "00000000000" + std::to_string(i + 1);
   }
@@ -49,7 +49,7 @@ EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<d
           infrared[to] = z > 0 ? std::clamp(kBrightness / (metres * metres), kDarkest, kBrightest) : 0.0f;
         }
     };
-    scene.bus->add({.serial = scene.cameras[i].serial, .rate = rate, .seed = seed + i, .camera = lens, .view = std::move(view)});
+    scene.bus->add({.serial = scene.cameras[i].serial, .rate = rate, .seed = seed + i, .camera = mirrored_parameters(scene.cameras[i].intrinsics), .view = std::move(view)});
   }
   return scene;
 }

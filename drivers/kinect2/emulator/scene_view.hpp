@@ -16,7 +16,7 @@ struct EmulatedScene {
   std::vector<hal::DepthFrame> background;
 };
 
-/// One device for each camera of the scene (empty: the ring of four), each with the lens of typical_camera(). Scene time begins now.
+/// One device for each camera of the scene (empty: the ring of four), each with the lens that the camera is said to have. Scene time begins now.
 EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<drivers::Person> persons, double rate, std::shared_ptr<hal::Clock> clock);
 
 }  // namespace booth::drivers::kinect2::emulator
