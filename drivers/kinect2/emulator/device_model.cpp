@@ -207,14 +207,23 @@ void DeviceModel::render(hal::MonotonicTime at, std::uint64_t frame, std::span<s
 }
 
 void InfraredSource::send_frame(hal::MonotonicTime at, const std::function<bool(Status, std::span<const std::byte>)>& send) {
+  expose(at);
+  send_exposed(send);
+}
+
+void InfraredSource::expose(hal::MonotonicTime at) {
+  exposed_ = at;
+  model_.render(at, frame_++, images_);
+}
+
+void InfraredSource::send_exposed(const std::function<bool(Status, std::span<const std::byte>)>& send) {
   auto& faults = model_.faults();
   stalled_ = stalled_ || faults.take(Fault::stream_stalls);
   if (stalled_) return;
-  model_.render(at, frame_++, images_);
   if (faults.take(Fault::sequence_jump)) sequence_ += 1'000'000;
   if (faults.take(Fault::sequence_wraps)) sequence_ = 0xFFFF'FFFE;
   if (faults.take(Fault::time_jump)) time_offset_ += 3600 * kTicksPerSecond;
-  const auto ticks = static_cast<std::uint32_t>(at.time_since_epoch().count() / (1'000'000'000 / kTicksPerSecond));
+  const auto ticks = static_cast<std::uint32_t>(exposed_.time_since_epoch().count() / (1'000'000'000 / kTicksPerSecond));
   if (faults.take(Fault::time_wraps)) time_offset_ = 0u - ticks - kTicksPerSecond / 10;
   const bool repeat = faults.take(Fault::sequence_repeat);
   for (int i = 0; i < kImages; ++i) {

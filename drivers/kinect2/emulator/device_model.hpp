@@ -63,7 +63,11 @@ class DeviceModel {
 class InfraredSource {
  public:
   explicit InfraredSource(DeviceModel& model) : model_(model), images_(kFrameBytes), wire_(kSubImageBytes) {}
-  /// `send` returns false when nobody listens any more.
+  /// Makes the frame that is exposed at an instant; it may lie ahead, so that a slow host is not a late device.
+  void expose(hal::MonotonicTime at);
+  /// Sends the frame that was exposed last; `send` returns false when nobody listens any more.
+  void send_exposed(const std::function<bool(usb::Status, std::span<const std::byte>)>& send);
+  /// Both at once.
   void send_frame(hal::MonotonicTime at, const std::function<bool(usb::Status, std::span<const std::byte>)>& send);
 
  private:
@@ -74,6 +78,7 @@ class InfraredSource {
   std::uint64_t frame_ = 0;
   std::uint32_t sequence_ = 0, time_offset_ = 0;
   bool stalled_ = false;
+  hal::MonotonicTime exposed_{};
 };
 
 }  // namespace booth::drivers::kinect2::emulator

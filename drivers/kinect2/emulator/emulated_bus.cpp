@@ -24,6 +24,8 @@ using usb::Status;
 /// Times of a stepped device: those of Pace::fast elsewhere.
 constexpr hal::MonotonicTime kSteppedOrigin{1s};
 constexpr hal::Nanoseconds kSteppedDelay = 45ms;
+/// From the middle of an exposure to its last packet, as the driver assumes it.
+constexpr hal::Nanoseconds kReadout = 30ms;
 
 /// A device and whether its plug is in.
 struct Slot {
@@ -57,38 +59,70 @@ class EmulatedStream final : public usb::Stream {
 
  private:
   void run() {
-    auto& model = slot_->model;
-    InfraredSource infrared(model);
-    std::optional<ColourSource> colour;
-    if (!settings_.isochronous) colour.emplace(model);
-    auto next = clock_.now();
-    hal::MonotonicTime arrived{};
-    const std::function<bool(Status, std::span<const std::byte>)> send = [&](Status status, std::span<const std::byte> data) {
-      sink_.on_packet(status, data, model.settings().stepped ? arrived : clock_.now());
-      return !stop_ && slot_->plugged;
-    };
+    Sender sender(*this);
     while (!stop_) {
       if (!slot_->plugged) return sink_.on_end(Status::no_device);
-      const auto now = clock_.now();
-      hal::MonotonicTime at = now;
-      if (model.settings().stepped) {
-        if (!slot_->take_step()) {
-          std::this_thread::sleep_for(200us);
-          continue;
-        }
-        at = kSteppedOrigin + model.frame_period() * slot_->sent++;
-        arrived = at + kSteppedDelay;
-      } else if (now < next) {
-        std::this_thread::sleep_for(std::min<hal::Nanoseconds>(next - now, 5ms));
-        continue;
-      }
-      if (settings_.isochronous && model.streams_infrared()) infrared.send_frame(at, send);
-      if (colour && model.streams_colour()) colour->send_message(at, settings_.packet_bytes, send);
-      next += model.frame_period();
-      next = std::max(next, now);  // late frames are skipped, as a real sensor would have lost them
+      if (!(slot_->model.settings().stepped ? sender.step() : sender.next())) std::this_thread::sleep_for(500us);
     }
     sink_.on_end(Status::cancelled);
   }
+
+  /// What the stream's thread has in hand.
+  class Sender {
+   public:
+    explicit Sender(EmulatedStream& stream) : s_(stream), model_(stream.slot_->model), infrared_(model_) {
+      if (!s_.settings_.isochronous) colour_.emplace(model_);
+      send_ = [this](Status status, std::span<const std::byte> data) {
+        s_.sink_.on_packet(status, data, model_.settings().stepped ? arrived_ : s_.clock_.now());
+        return !s_.stop_ && s_.slot_->plugged;
+      };
+    }
+    /// A frame for each step that a test allows, at the time that its rate says.
+    bool step() {
+      if (!streams() || !s_.slot_->take_step()) return false;
+      exposure_ = kSteppedOrigin + model_.frame_period() * s_.slot_->sent++;
+      arrived_ = exposure_ + kSteppedDelay;
+      expose();
+      send();
+      return true;
+    }
+    /// Exposures lie on a grid that all devices of one rate share; each is made ahead of time and sent when a sensor would have it.
+    bool next() {
+      const auto now = s_.clock_.now();
+      if (!streams()) return exposed_ = false;
+      if (!exposed_) {
+        const auto period = model_.frame_period();
+        exposure_ = std::max(exposure_ + period, hal::MonotonicTime((now.time_since_epoch() / period + 1) * period));
+        expose();
+        exposed_ = true;
+        return true;
+      }
+      if (now < exposure_ + kReadout) return false;
+      send();
+      exposed_ = false;
+      return true;
+    }
+
+   private:
+    bool streams() const { return colour_ ? model_.streams_colour() : model_.streams_infrared(); }
+    void expose() {
+      if (!colour_) infrared_.expose(exposure_);
+    }
+    void send() {
+      if (colour_) {
+        colour_->send_message(exposure_, s_.settings_.packet_bytes, send_);
+      } else {
+        infrared_.send_exposed(send_);
+      }
+    }
+    EmulatedStream& s_;
+    DeviceModel& model_;
+    InfraredSource infrared_;
+    std::optional<ColourSource> colour_;
+    std::function<bool(Status, std::span<const std::byte>)> send_;
+    hal::MonotonicTime exposure_{}, arrived_{};
+    bool exposed_ = false;
+  };
 
   const std::shared_ptr<Slot> slot_;
   hal::Clock& clock_;

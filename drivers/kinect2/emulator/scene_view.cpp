@@ -49,7 +49,11 @@ EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<d
           infrared[to] = z > 0 ? std::clamp(kBrightness / (metres * metres), kDarkest, kBrightest) : 0.0f;
         }
     };
-    scene.bus->add({.serial = scene.cameras[i].serial, .rate = rate, .seed = seed + i, .camera = mirrored_parameters(scene.cameras[i].intrinsics), .view = std::move(view)});
+    scene.bus->add({.serial = scene.cameras[i].serial,
+                    .rate = rate,
+                    .seed = seed + i,
+                    .camera = mirrored_parameters(scene.cameras[i].intrinsics),
+                    .view = std::move(view)});
   }
   return scene;
 }

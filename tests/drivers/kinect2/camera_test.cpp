@@ -28,11 +28,14 @@ constexpr Patience kShort{.open_again = 5ms, .ready = 100ms, .ready_poll = 10ms,
 class KinectCameraTest : public testing::Test {
  protected:
   int add(const std::string& serial) {
-    return bus_->add(
-        {.serial = serial, .rate = 25, .camera = emulator::typical_camera(), .still = true, .view = [](hal::MonotonicTime, std::span<float> depth, std::span<float> infrared) {
-           std::fill(depth.begin(), depth.end(), 2000.0f);
-           std::fill(infrared.begin(), infrared.end(), 5000.0f);
-         }});
+    return bus_->add({.serial = serial,
+                      .rate = 25,
+                      .camera = emulator::typical_camera(),
+                      .still = true,
+                      .view = [](hal::MonotonicTime, std::span<float> depth, std::span<float> infrared) {
+                        std::fill(depth.begin(), depth.end(), 2000.0f);
+                        std::fill(infrared.begin(), infrared.end(), 5000.0f);
+                      }});
   }
   std::unique_ptr<hal::DepthCamera> camera(const std::string& serial) {
     return make_kinect_camera({.bus = bus_, .clock = clock_, .gate = std::make_shared<ResetGate>(10ms)},
