@@ -3,6 +3,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <future>
 #include <thread>
@@ -66,9 +67,11 @@ TEST_P(DepthCamera, DescribesItself) {
     EXPECT_FALSE(d.name.empty());
     EXPECT_EQ(d.intrinsics.width, 512);
     EXPECT_EQ(d.intrinsics.height, 424);
-    EXPECT_NEAR(d.intrinsics.fx, 365.5, 1e-9);
-    EXPECT_NEAR(d.intrinsics.cy, 205.4, 1e-9);
-    EXPECT_NEAR(d.intrinsics.distortion[1], -0.27, 1e-12);
+    // A sensor keeps its lens in single precision.
+    const double exact = GetParam() == Kind::kinect2 ? 1e-5 : 1e-9;
+    EXPECT_NEAR(d.intrinsics.fx, 365.5, exact);
+    EXPECT_NEAR(d.intrinsics.cy, 205.4, exact);
+    EXPECT_NEAR(d.intrinsics.distortion[1], -0.27, GetParam() == Kind::kinect2 ? 1e-7 : 1e-12);
     EXPECT_EQ(d.depth_scale, 0.001);
     EXPECT_NEAR(d.nominal_rate, 30, 0.5);
     const Eigen::Matrix3d r = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(d.camera_to_world.rotation.data());
@@ -278,7 +281,12 @@ TEST_P(DepthCamera, AgreesWithTheTruth) {
   EXPECT_LT(sum / count, 0.035);
 }
 
-INSTANTIATE_TEST_SUITE_P(Sources, DepthCamera, testing::Values(Kind::synthetic, Kind::folder, Kind::rosbag2),
+#ifdef BOOTHD_EMULATOR
+constexpr std::array kKinds{Kind::synthetic, Kind::folder, Kind::rosbag2, Kind::kinect2};
+#else
+constexpr std::array kKinds{Kind::synthetic, Kind::folder, Kind::rosbag2};
+#endif
+INSTANTIATE_TEST_SUITE_P(Sources, DepthCamera, testing::ValuesIn(kKinds),
                          [](const auto& kind) { return std::string(name_of(kind.param)); });
 
 /// A recording loses nothing of what it recorded.

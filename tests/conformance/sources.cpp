@@ -9,11 +9,16 @@
 #include "drivers/recording/recording.hpp"
 #include "drivers/synthetic/motions.hpp"
 #include "drivers/synthetic/truth_surface.hpp"
+#ifdef BOOTHD_EMULATOR
+#include "tests/conformance/kinect_source.hpp"
+#endif
 #include "tests/support/capsule_body.hpp"
 
 namespace booth::tests {
 
-const char* name_of(Kind kind) { return kind == Kind::synthetic ? "synthetic" : kind == Kind::folder ? "folder" : "rosbag2"; }
+const char* name_of(Kind kind) {
+  return kind == Kind::synthetic ? "synthetic" : kind == Kind::folder ? "folder" : kind == Kind::rosbag2 ? "rosbag2" : "kinect2";
+}
 
 drivers::SceneSettings scene_settings(std::uint64_t seed) {
   drivers::SceneSettings s;
@@ -83,6 +88,9 @@ drivers::Source open_scene(const ScratchFolder& scratch, Kind kind, drivers::Pac
     settings.pace = pace;
     return drivers::make_scene(settings, {scene_person()}, std::move(clock));
   }
+#ifdef BOOTHD_EMULATOR
+  if (kind == Kind::kinect2) return open_kinect_scene(scene_settings(seed), scene_person(), pace, std::move(clock), kSceneFrames);
+#endif
   const auto path = scratch.path() / (std::string(name_of(kind)) + "-" + std::to_string(seed));
   if (!std::filesystem::exists(path)) record_scene(scratch, kind, seed);
   return drivers::open_recording(path, pace, std::move(clock), drivers::truth_surface);

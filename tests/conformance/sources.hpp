@@ -12,7 +12,7 @@
 
 namespace booth::tests {
 
-enum class Kind { synthetic, folder, rosbag2 };
+enum class Kind { synthetic, folder, rosbag2, kinect2 };  ///< kinect2: the driver on emulated sensors
 const char* name_of(Kind kind);
 
 inline constexpr int kSceneFrames = 36;        ///< frames of each camera

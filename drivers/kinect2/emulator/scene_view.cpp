@@ -15,7 +15,8 @@ constexpr float kBrightness = 20000.0f, kDarkest = 400.0f, kBrightest = 20000.0f
 
 }  // namespace
 
-EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<drivers::Person> persons, double rate, std::shared_ptr<hal::Clock> clock) {
+EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<drivers::Person> persons, double rate, std::shared_ptr<hal::Clock> clock,
+                                  bool stepped) {
   if (settings.cameras.empty()) settings.cameras = camera_ring();
   EmulatedScene scene;
   for (std::size_t i = 0; i < settings.cameras.size(); ++i) {
@@ -52,7 +53,7 @@ EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<d
     scene.bus->add({.serial = scene.cameras[i].serial,
                     .rate = rate,
                     .seed = seed + i,
-                    .camera = mirrored_parameters(scene.cameras[i].intrinsics),
+                    .camera = mirrored_parameters(scene.cameras[i].intrinsics), .stepped = stepped,
                     .view = std::move(view)});
   }
   return scene;

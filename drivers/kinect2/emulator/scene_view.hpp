@@ -17,6 +17,8 @@ struct EmulatedScene {
 };
 
 /// One device for each camera of the scene (empty: the ring of four), each with the lens that the camera is said to have. Scene time begins now.
-EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<drivers::Person> persons, double rate, std::shared_ptr<hal::Clock> clock);
+/// `stepped`: frames are sent by the bus's step(), in scene time from Timeline::kFastOrigin on.
+EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<drivers::Person> persons, double rate, std::shared_ptr<hal::Clock> clock,
+                                  bool stepped = false);
 
 }  // namespace booth::drivers::kinect2::emulator
