@@ -70,7 +70,7 @@ kinect2::Notes notes(std::shared_ptr<hal::Clock> clock) {
   };
 }
 
-hal::DepthCameras make_cameras(const Config& config, const kinect2::KinectShared& shared, const std::vector<Position>& positions) {
+hal::DepthCameras make_cameras(const Config& config, const kinect2::KinectShared& shared, const std::vector<Position>& positions, double rate = 30) {
   const auto& kinect = config.cameras.kinect2;
   hal::DepthCameras cameras;
   for (const Position& position : positions)
@@ -79,7 +79,8 @@ hal::DepthCameras make_cameras(const Config& config, const kinect2::KinectShared
                                                            .name = position.name,
                                                            .camera_to_world = position.camera_to_world,
                                                            .transfers = static_cast<int>(kinect.transfers),
-                                                           .colour = kinect.colour}));
+                                                           .colour = kinect.colour,
+                                                           .nominal_rate = rate}));
   return cameras;
 }
 
@@ -134,7 +135,7 @@ DepthSource open_emulated_kinect(const Config& config, drivers::Person person, s
   for (const auto& camera : emulated.cameras) where.push_back({camera.name, camera.serial, camera.camera_to_world});
   const kinect2::KinectShared shared{.bus = emulated.bus, .clock = clock, .notes = notes(clock)};
   return {.clock = clock,
-          .cameras = make_cameras(config, shared, where),
+          .cameras = make_cameras(config, shared, where, config.cameras.emulated.rate),
           .truth = std::move(emulated.truth),
           .background = std::move(emulated.background),
           .name = fmt::format("kinect2-emulated: {} {} noise {} seed {}", synthetic.body, synthetic.motion, synthetic.noise, synthetic.seed)};

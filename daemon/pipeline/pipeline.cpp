@@ -12,6 +12,12 @@ using namespace std::chrono_literals;
 Pipeline::Pipeline(Settings settings, hal::DepthCameras& cameras, hal::Clock& clock, FrameFitter& fitter, FrameSink& sink)
     : settings_(settings), clock_(clock), fitter_(fitter), sink_(sink) {
   settings_.synchroniser.cameras = static_cast<int>(cameras.size());
+  // A slow camera (emulated on a small machine) is not silent between two of its frames, and its group may wait longer.
+  for (const auto& camera : cameras) {
+    const hal::Nanoseconds period = hal::from_seconds(1 / std::max(0.1, camera->description().nominal_rate));
+    settings_.synchroniser.silence = std::max(settings_.synchroniser.silence, 3 * period);
+    settings_.synchroniser.patience = std::max(settings_.synchroniser.patience, period / 2);
+  }
   for (int i = 0; i < kGroups; ++i) spare_groups_[static_cast<std::size_t>(spare_count_++)] = i;
   for (std::size_t i = 0; i < cameras.size(); ++i)
     workers_.push_back(std::make_unique<CameraWorker>(*cameras[i], static_cast<hal::CameraIndex>(i), clock, camera_bell_));

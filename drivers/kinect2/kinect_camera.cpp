@@ -44,7 +44,7 @@ class KinectCamera final : public hal::DepthCamera, private usb::StreamSink {
                     .intrinsics = unmirrored_intrinsics(calibration.depth),
                     .camera_to_world = settings_.camera_to_world,
                     .depth_scale = 0.001,
-                    .nominal_rate = 30.0};
+                    .nominal_rate = settings_.nominal_rate};
   }
   ~KinectCamera() override { stop(); }
 
@@ -197,10 +197,10 @@ hal::ReadStatus KinectCamera::lose(Trouble trouble, std::string sentence) {
 
 /// What a reader finds who has waited in vain; `mutex_` is held.
 hal::ReadStatus KinectCamera::without_frame() {
+  if (!ended_ && clock_->now() - last_frame_ < settings_.patience.stall) return hal::ReadStatus::timeout;  // before anything is allocated
   const std::string name = "Kinect v2 " + settings_.serial;
   if (ended_ == usb::Status::no_device) return lose(Trouble::vanished, name + " left the bus: check its cable and its mains adaptor");
   if (ended_) return lose(Trouble::failed, name + ": its infrared stream broke off, too few transfers could be submitted");
-  if (clock_->now() - last_frame_ < settings_.patience.stall) return hal::ReadStatus::timeout;
   return lose(Trouble::stalled, name + " streams no complete frame");
 }
 

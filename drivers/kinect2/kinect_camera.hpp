@@ -39,6 +39,7 @@ struct KinectSettings {
   DecoderSettings decoder{};
   int transfers = 24;         ///< of one millisecond each; 24 take 6.5 MB of usbfs memory
   bool colour = false;        ///< receive and check the colour stream (nobody uses it yet; it costs bus time)
+  double nominal_rate = 30;   ///< frames per second; only an emulated sensor has another
   bool reset_on_open = true;  ///< nearly ends hangs after an unclean exit
   Patience patience{};
 };

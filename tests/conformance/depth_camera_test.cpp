@@ -286,8 +286,7 @@ constexpr std::array kKinds{Kind::synthetic, Kind::folder, Kind::rosbag2, Kind::
 #else
 constexpr std::array kKinds{Kind::synthetic, Kind::folder, Kind::rosbag2};
 #endif
-INSTANTIATE_TEST_SUITE_P(Sources, DepthCamera, testing::ValuesIn(kKinds),
-                         [](const auto& kind) { return std::string(name_of(kind.param)); });
+INSTANTIATE_TEST_SUITE_P(Sources, DepthCamera, testing::ValuesIn(kKinds), [](const auto& kind) { return std::string(name_of(kind.param)); });
 
 /// A recording loses nothing of what it recorded.
 class Recording : public testing::TestWithParam<Kind> {};

@@ -53,7 +53,8 @@ EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<d
     scene.bus->add({.serial = scene.cameras[i].serial,
                     .rate = rate,
                     .seed = seed + i,
-                    .camera = mirrored_parameters(scene.cameras[i].intrinsics), .stepped = stepped,
+                    .camera = mirrored_parameters(scene.cameras[i].intrinsics),
+                    .stepped = stepped,
                     .view = std::move(view)});
   }
   return scene;
