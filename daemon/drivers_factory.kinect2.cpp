@@ -72,6 +72,8 @@ kinect2::Notes notes(std::shared_ptr<hal::Clock> clock) {
 
 hal::DepthCameras make_cameras(const Config& config, const kinect2::KinectShared& shared, const std::vector<Position>& positions, double rate = 30) {
   const auto& kinect = config.cameras.kinect2;
+  kinect2::Patience patience;
+  patience.stall = std::max<hal::Nanoseconds>(patience.stall, hal::from_seconds(9 / rate));  // an emulated sensor may be slow
   hal::DepthCameras cameras;
   for (const Position& position : positions)
     cameras.push_back(kinect2::make_kinect_camera(shared, {.index = hal::CameraIndex(static_cast<std::uint8_t>(cameras.size())),
@@ -80,7 +82,8 @@ hal::DepthCameras make_cameras(const Config& config, const kinect2::KinectShared
                                                            .camera_to_world = position.camera_to_world,
                                                            .transfers = static_cast<int>(kinect.transfers),
                                                            .colour = kinect.colour,
-                                                           .nominal_rate = rate}));
+                                                           .nominal_rate = rate,
+                                                           .patience = patience}));
   return cameras;
 }
 

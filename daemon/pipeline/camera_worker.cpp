@@ -92,7 +92,8 @@ void CameraWorker::run() {
   ::pthread_setname_np(::pthread_self(), name);
   constexpr auto kFirstPause = 500ms, kLongestPause = 10000ms;
   constexpr auto kReadTimeout = 100ms;
-  constexpr int kSilentReads = 20;  // two seconds without a frame: the device is taken for stalled
+  // Two seconds without a frame, or ten frames of a slow camera: the device is taken for stalled.
+  const int silent_reads = std::max(20, static_cast<int>(100 / std::max(0.1, camera_.description().nominal_rate)));
   hal::Nanoseconds back_off = kFirstPause;
   int slot = -1;
   bool troubled = false;
@@ -127,8 +128,8 @@ void CameraWorker::run() {
         slot = -1;
         bell_.ring();
       } else if (status == hal::ReadStatus::timeout) {
-        if (++silent < kSilentReads) continue;
-        set_problem("no frame for two seconds");
+        if (++silent < silent_reads) continue;
+        set_problem("no frame for " + std::to_string(silent_reads / 10) + " seconds");
         break;
       } else if (status == hal::ReadStatus::ended) {
         ended = true;
