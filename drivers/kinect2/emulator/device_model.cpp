@@ -37,7 +37,11 @@ DeviceModel::DeviceModel(EmulatedDeviceSettings settings)
       phase_(settings_.zero_phase_offsets ? zero_phase_offsets() : realistic_phase_offsets()),
       forward_(settings_.camera, phase_),
       depth_(kPixels),
-      brightness_(kPixels) {}
+      brightness_(kPixels) {
+  if (!settings_.still) return;
+  std::vector<std::byte> images(kFrameBytes);
+  render({}, 0, images);
+}
 
 void DeviceModel::note(const std::string& line) {
   const std::lock_guard lock(mutex_);

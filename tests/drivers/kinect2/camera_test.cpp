@@ -23,7 +23,12 @@ using emulator::Fault;
 using hal::ReadStatus;
 
 /// Real waits would make these tests last for minutes; what is waited for is the same.
-constexpr Patience kShort{.open_again = 5ms, .ready = 100ms, .ready_poll = 10ms, .renumbered = 20ms, .stall = 400ms, .absence = 300ms};
+#ifdef BOOTHD_SANITIZED
+constexpr auto kStall = 4s;  // a frame takes long there
+#else
+constexpr auto kStall = 400ms;
+#endif
+constexpr Patience kShort{.open_again = 5ms, .ready = 100ms, .ready_poll = 10ms, .renumbered = 20ms, .stall = kStall, .absence = 300ms};
 
 class KinectCameraTest : public testing::Test {
  protected:
@@ -80,7 +85,7 @@ TEST_F(KinectCameraTest, StreamsWhatTheDeviceSees) {
   hal::MonotonicTime last{};
   std::optional<std::uint64_t> sequence;
   for (int i = 0; i < 5; ++i) {
-    ASSERT_EQ(front->read(frame, 2s), ReadStatus::frame);
+    ASSERT_EQ(front->read(frame, 20s), ReadStatus::frame);
     EXPECT_NEAR(frame.depth[kPixels / 2 + 100], 2000, 3);
     EXPECT_NEAR(frame.infrared[kPixels / 2 + 100], 5000, 30);
     EXPECT_GT(frame.captured, last);
@@ -94,7 +99,7 @@ TEST_F(KinectCameraTest, StreamsWhatTheDeviceSees) {
   front->stop();
   EXPECT_EQ(front->read(frame, 10ms), ReadStatus::ended);
   front->start();
-  EXPECT_EQ(front->read(frame, 2s), ReadStatus::frame);
+  EXPECT_EQ(front->read(frame, 20s), ReadStatus::frame);
 }
 
 TEST_F(KinectCameraTest, OpensAndStartsInTheRightOrder) {
@@ -102,7 +107,7 @@ TEST_F(KinectCameraTest, OpensAndStartsInTheRightOrder) {
   const auto front = camera("111");
   front->start();
   hal::DepthFrame frame;
-  ASSERT_EQ(front->read(frame, 2s), ReadStatus::frame);
+  ASSERT_EQ(front->read(frame, 20s), ReadStatus::frame);
   const auto requests = bus_->requests(device);
   const auto at = [&](const std::string& line) { return std::find(requests.begin(), requests.end(), line) - requests.begin(); };
   EXPECT_LT(at("claim 0"), at("claim 1"));
@@ -116,12 +121,12 @@ TEST_F(KinectCameraTest, OpensAndStartsInTheRightOrder) {
 TEST_F(KinectCameraTest, ComesBackAfterAnUnplugWhileStreaming) {
   const int device = add("111");
   const auto front = camera("111");
-  EXPECT_GE(frames_within(*front, 3s, 3), 3);
+  EXPECT_GE(frames_within(*front, 20s, 3), 3);
   bus_->unplug(device);
   EXPECT_LE(frames_within(*front, 500ms), 1);
   EXPECT_NE(front->last_error().find("111"), std::string::npos);
   bus_->plug(device);
-  EXPECT_GE(frames_within(*front, 5s, 3), 3);
+  EXPECT_GE(frames_within(*front, 20s, 3), 3);
 }
 
 TEST_F(KinectCameraTest, SurvivesAnUnplugAtEveryStepOfOpenStartAndStop) {
@@ -130,7 +135,7 @@ TEST_F(KinectCameraTest, SurvivesAnUnplugAtEveryStepOfOpenStartAndStop) {
   const auto front = camera("111");
   // How many requests one life has: a reset and open, a start, a stop.
   const auto before = bus_->requests(device).size();
-  ASSERT_GE(frames_within(*front, 5s, 1), 1);
+  ASSERT_GE(frames_within(*front, 20s, 1), 1);
   front->stop();
   const auto steps = static_cast<int>(bus_->requests(device).size() - before);
   EXPECT_GT(steps, 30);
@@ -157,7 +162,7 @@ TEST_F(KinectCameraTest, AStartThatFailedIsNotTakenForOneThatStreams) {
   hal::DepthFrame frame;
   EXPECT_EQ(front->read(frame, 1ms), ReadStatus::ended);
   front->start();
-  EXPECT_EQ(front->read(frame, 5s), ReadStatus::frame);
+  EXPECT_EQ(front->read(frame, 20s), ReadStatus::frame);
   EXPECT_EQ(front->last_error(), "");
 }
 
@@ -192,7 +197,7 @@ TEST_F(KinectCameraTest, ADeviceThatNeverBecomesReadyIsRebooted) {
 TEST_F(KinectCameraTest, ADeviceThatVanishesAfterACloseIsAwaited) {
   const int device = add("111");
   const auto front = camera("111");
-  ASSERT_GE(frames_within(*front, 5s, 2), 2);
+  ASSERT_GE(frames_within(*front, 20s, 2), 2);
   bus_->faults(device).inject(Fault::vanish_after_close);
   bus_->faults(device).inject(Fault::refused);  // a start that fails: the device is closed, and gone for half a second
   front->stop();
@@ -210,7 +215,7 @@ TEST_F(KinectCameraTest, APortIsResetOnlyForADeviceThatStaysAway) {
     return true;
   };
   const auto front = make_kinect_camera(shared, {.serial = "111", .name = "front", .patience = kShort});
-  ASSERT_GE(frames_within(*front, 5s, 2), 2);
+  ASSERT_GE(frames_within(*front, 20s, 2), 2);
   bus_->unplug(device);
   (void)frames_within(*front, 150ms);
   EXPECT_EQ(resets, 0) << "it may come back by itself";
@@ -258,9 +263,9 @@ TEST_F(KinectCameraTest, AllocatesNothingWhileItStreams) {
   front->start();
   hal::DepthFrame frame;
   frame.infrared.resize(kPixels);
-  for (int i = 0; i < 3; ++i) ASSERT_EQ(front->read(frame, 5s), ReadStatus::frame);
+  for (int i = 0; i < 3; ++i) ASSERT_EQ(front->read(frame, 20s), ReadStatus::frame);
   const tests::AllocationCount count;
-  for (int i = 0; i < 10; ++i) ASSERT_EQ(front->read(frame, 5s), ReadStatus::frame);
+  for (int i = 0; i < 10; ++i) ASSERT_EQ(front->read(frame, 20s), ReadStatus::frame);
   for (int i = 0; i < 10; ++i) (void)front->read(frame, 1ms);  // mostly in vain
   EXPECT_EQ(count.so_far(), 0u) << "of all threads: bus, parser, colour, decoder, reader";
 }
@@ -271,7 +276,7 @@ TEST_P(KinectCameraFault, CostsFramesAndNothingElse) {
   colour_ = true;
   const int device = add("111");
   const auto front = camera("111");
-  ASSERT_GE(frames_within(*front, 5s, 2), 2);
+  ASSERT_GE(frames_within(*front, 20s, 2), 2);
   bus_->faults(device).inject(GetParam(), 3);
   (void)frames_within(*front, 120ms);
   front->stop();  // commands see their faults at the next start
