@@ -123,7 +123,7 @@ BOOTH_KERNEL void nearest_of(const float* x, const float* y, const float* z, std
 NearestFieldSettings coarse(const BrickFieldSettings& s) {
   const float edge = s.cell * kBrick;
   // A layer of bricks beyond the band on every side never answers: clamped look-ups end there.
-  return {.cell = edge, .band = s.band + 1.8f * edge, .max_points = s.max_points, .max_cells = s.max_bricks, .max_plane = 32767};
+  return {.cell = edge, .band = s.band, .max_points = s.max_points, .max_cells = s.max_bricks, .margin = 1.8f, .max_plane = 32767};
 }
 
 void check(const BrickFieldSettings& s) {

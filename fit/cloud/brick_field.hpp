@@ -15,7 +15,7 @@ namespace booth::fit {
 
 struct BrickFieldSettings {
   float cell = 0.0125f;  ///< m, near the cloud; grows by itself for a cloud whose box takes more than max_bricks
-  float fine = 0.08f;    ///< m; bricks up to about so far from the cloud have cells, those further away one answer each
+  float fine = 0.09f;    ///< m; bricks up to about so far from the cloud have cells, those further away one answer each
   float band = 0.30f;    ///< m; beyond this distance from the cloud there is no answer
   int max_points = 120000;
   int max_bricks = 120'000;      ///< of 4 x 4 x 4 cells, in the cloud's box

@@ -136,9 +136,9 @@ void NearestField::rebuild(const Cloud& cloud, WorkerPool& pool) {
 }
 
 bool NearestField::set_box(const Eigen::Vector3f& low, const Eigen::Vector3f& high) {
-  const Eigen::Vector3f extent = high - low + Eigen::Vector3f::Constant(2 * settings_.band);
   cell_ = settings_.cell;
   const auto fits = [&] {
+    const Eigen::Vector3f extent = high - low + Eigen::Vector3f::Constant(2 * band_and_margin());
     nx_ = (static_cast<int>(extent.x() / cell_) / kLanes + 1) * kLanes;
     ny_ = static_cast<int>(extent.y() / cell_) + 1, nz_ = static_cast<int>(extent.z() / cell_) + 1;
     return nx_ <= kMaxSteps && ny_ <= kMaxSteps && nz_ <= kMaxSteps && nx_ * ny_ <= settings_.max_plane &&
@@ -146,7 +146,7 @@ bool NearestField::set_box(const Eigen::Vector3f& low, const Eigen::Vector3f& hi
   };
   while (!fits()) cell_ *= 1.1f;
   inverse_cell_ = 1 / cell_;
-  origin_ = low - Eigen::Vector3f::Constant(settings_.band);
+  origin_ = low - Eigen::Vector3f::Constant(band_and_margin());
   size_ = Eigen::Vector3f(static_cast<float>(nx_), static_cast<float>(ny_), static_cast<float>(nz_));
   return true;
 }
@@ -174,7 +174,7 @@ void NearestField::seed_and_spread_in_plane(const Cloud& cloud, int z) {
   const auto plane = static_cast<std::size_t>(z) * static_cast<std::size_t>(ny_) * static_cast<std::size_t>(nx_);
   const auto cells = static_cast<std::size_t>(ny_) * static_cast<std::size_t>(nx_);
   // A cell larger than the band must still know its own points.
-  const float reach = std::max(settings_.band, 0.87f * cell_), reach2 = reach * reach;
+  const float reach = std::max(band_and_margin(), 0.87f * cell_), reach2 = reach * reach;
   std::int32_t* index = index_.data() + plane;
   float* distance2 = distance2_.data() + plane;
   std::fill_n(index, cells, -1);

@@ -15,6 +15,7 @@ struct NearestFieldSettings {
   float band = 0.30f;  ///< m; beyond this distance from the cloud there is no answer
   int max_points = 120000;
   int max_cells = 1'500'000;
+  float margin = 0;           ///< cells that the grid and its answers reach further than the band on every side
   int max_plane = 320 * 320;  ///< cells in one layer along z
 };
 
@@ -51,6 +52,7 @@ class NearestField {
   std::size_t memory_bytes() const;
 
  private:
+  float band_and_margin() const { return settings_.band + settings_.margin * cell_; }
   void seed_and_spread_in_plane(const Cloud& cloud, int z);
   void spread_across_planes(const Cloud& cloud, int y);
 
