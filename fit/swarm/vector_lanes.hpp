@@ -88,7 +88,7 @@ struct VectorLanes {
     return (I)((U)sum + (U)(((a << 16) >> 16) * ((b << 16) >> 16)) + (U)((a >> 16) * (b >> 16)));
 #endif
   }
-  /// One load a lane: measured faster than the gather instruction, and never microcode (docs/design/performance.md).
+  /// One load a lane: measured at two thirds of the gather instruction's time (docs/design/performance.md).
   BOOTH_HOST_DEVICE static I gather(const std::int32_t* table, const std::int32_t* at) {
 #if defined(BOOTH_LANES_AVX512) || defined(BOOTH_LANES_AVX2) || defined(BOOTH_LANES_SSE2)
     const auto four = [&](int l) {

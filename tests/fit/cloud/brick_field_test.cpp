@@ -9,8 +9,8 @@
 #include <stdexcept>
 
 #include "analytic_scene.hpp"
-#include "counted_new.hpp"
 #include "fit/swarm/lanes.hpp"
+#include "tests/support/allocation_count.hpp"
 
 namespace booth::fit {
 namespace {
@@ -138,9 +138,9 @@ TEST(BrickField, TheSameForAnyNumberOfThreadsAndAllocatesNothing) {
     WorkerPool pool(threads);
     BrickField field;
     field.rebuild(cloud, pool);
-    const tests::NoAllocation guard;
+    const tests::AllocationCount guard;
     field.rebuild(cloud, pool);
-    EXPECT_EQ(guard.count(), 0);
+    EXPECT_EQ(guard.so_far(), 0u);
     ASSERT_EQ(field.bricks(), reference.bricks());
     ASSERT_EQ(field.fine_bricks(), reference.fine_bricks());
     EXPECT_TRUE(std::equal(field.view().brick, field.view().brick + field.bricks(), reference.view().brick));
