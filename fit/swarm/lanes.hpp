@@ -1,8 +1,7 @@
 // The few operations that the swarm's single-source functions ask of their numbers; this is the answer for one number at a time.
 #pragma once
 
-#include <math.h>
-
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 
