@@ -176,7 +176,7 @@ TEST_F(CacheTest, GivesBackWhatItWasGiven) {
 TEST_F(CacheTest, NamesThatLeaveTheFolderAreNoNames) {
   const CalibrationCache cache(folder_);
   Calibration c = calibration();
-  for (const std::string bad : {"../x", "", "a/b", std::string(64, 'a').c_str()}) {
+  for (const std::string& bad : std::initializer_list<std::string>{"../x", "", "a/b", std::string(64, 'a')}) {
     c.serial = bad;
     EXPECT_FALSE(cache.store(c));
     EXPECT_FALSE(cache.load(bad, c.firmware));
