@@ -66,7 +66,10 @@ struct ParticleTerms {
 
 /// The left and right segments that eq. 7 compares, as pairs of slots of EnergyView::joint (slot s is where part s starts; 16 and 17 are the wrists).
 /// Thigh, shank, upper arm, forearm: from, to (left), from, to (right).
-inline constexpr int kLimbSlots[4][4] = {{1, 2, 4, 5}, {2, 3, 5, 6}, {9, 10, 12, 13}, {10, 16, 13, 17}};
+BOOTH_HOST_DEVICE int limb_slot(int limb, int end) {
+  constexpr int kSlots[4][4] = {{1, 2, 4, 5}, {2, 3, 5, 6}, {9, 10, 12, 13}, {10, 16, 13, 17}};
+  return kSlots[limb][end];
+}
 
 /// Nearest integer (ties to even) of |x| < 2^22, as a float, and its bits below the exponent.
 template <class L>
@@ -138,8 +141,8 @@ BOOTH_HOST_DEVICE void pose_particle(const EnergyView& m, const FieldView& field
   for (int limb = 0; limb < 4; ++limb) {
     F length[2];
     for (int side = 0; side < 2; ++side) {
-      const F* from = joint + 3 * kLimbSlots[limb][2 * side];
-      const F* to = joint + 3 * kLimbSlots[limb][2 * side + 1];
+      const F* from = joint + 3 * limb_slot(limb, 2 * side);
+      const F* to = joint + 3 * limb_slot(limb, 2 * side + 1);
       const F x = to[0] - from[0], y = to[1] - from[1], z = to[2] - from[2];
       length[side] = L::root((x * x + y * y) + z * z);
     }

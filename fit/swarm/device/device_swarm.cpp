@@ -1,0 +1,284 @@
+// Lays out the device's memory, records the programs, and carries clouds in and answers out.
+#include "fit/swarm/device/device_swarm.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <stdexcept>
+#include <vector>
+
+namespace booth::fit::device {
+namespace {
+
+constexpr int kMostBricksAcross = 32767;  // of one layer, as FieldView packs it
+
+/// Box and bricks of a cloud, as BrickField chooses them; points = 0 where there is nothing to look at.
+FieldFrame field_frame(const BrickFieldSettings& s, const float* low, const float* high, int points) {
+  FieldFrame f;
+  f.fine = s.fine, f.band = s.band, f.edge = s.cell * kBrick;
+  f.step = (s.band + 2 * f.edge) / s.cell / kOffsetLimit;
+  if (!(low[0] <= high[0])) return f;
+  while (true) {
+    const float margin = s.band + 1.8f * f.edge;
+    double total = 1;
+    for (int c = 0; c < 3; ++c) {
+      f.origin[c] = low[c] - margin;
+      f.bricks[c] = static_cast<std::int32_t>((high[c] - low[c] + 2 * margin) / f.edge) + 1;
+      total *= f.bricks[c];
+    }
+    if (total <= s.max_bricks && static_cast<double>(f.bricks[0]) * f.bricks[1] <= kMostBricksAcross) break;
+    f.edge *= 1.1f;
+  }
+  f.points = points;
+  f.step = (s.band + 2 * f.edge) / (f.edge / kBrick) / kOffsetLimit;
+  return f;
+}
+
+class Swarm final : public DeviceSwarm {
+ public:
+  Swarm(std::unique_ptr<Device> device, std::span<const BodyModel* const> models, const PosePrior& prior, const SwarmSizes& sizes)
+      : sizes_(sizes), device_(std::move(device)), name_("device " + device_->name()) {
+    const auto need = [](bool good, const char* what) {
+      if (!good) throw std::invalid_argument(std::string("swarm on a device: ") + what);
+    };
+    need(!models.empty(), "there is no model");
+    need(sizes.swarm.particles >= 1 && sizes.swarm.particles <= 1'000'000, "particles must be 1 to 1000000");
+    need(sizes.swarm.iterations >= 1 && sizes.swarm.iterations <= kMostIterations, "iterations must be 1 to 256");
+    for (const BodyModel* model : models) packs_.emplace_back(*model, prior, sizes.energy);
+    for (const EnergyPack& p : packs_) need(p.dimensions() <= kMostDimensions, "at most 16 shape coefficients");
+    need(prior.components.cols() <= kMostPoseComponents, "at most 30 pose components");
+    // As many blocks as there are processors, or more.
+    particles_a_block_ = sizes.swarm.particles >= 12 * device_->processors() ? 16 : 4;
+    take_memory();
+    for (const EnergyPack& pack : packs_) take_model(pack);
+    best_.resize(kMostDimensions);
+    history_.resize(static_cast<std::size_t>(sizes.swarm.iterations));
+  }
+
+  const char* name() const override { return name_.c_str(); }
+  DeviceError error() const override { return error_; }
+  Device& device() override { return *device_; }
+  int program(int model, bool with_field) const override { return models_[static_cast<std::size_t>(model)].program[with_field ? 1 : 0]; }
+  const FieldView* field() const override { return field_.view; }
+  const EnergyView& energy(int model) const override { return models_[static_cast<std::size_t>(model)].view; }
+  int dimensions(int model) const override { return packs_[static_cast<std::size_t>(model)].dimensions(); }
+  const SwarmSettings& settings() const override { return sizes_.swarm; }
+  std::size_t memory_bytes() const override {
+    std::size_t bytes = pinned_bytes_;
+    for (const EnergyPack& p : packs_) bytes += p.memory_bytes();
+    return bytes;
+  }
+
+  bool set_cloud(const Cloud& cloud) override {
+    const int n = std::min(cloud.size, sizes_.field.max_points);
+    const float* from[3] = {cloud.x.data(), cloud.y.data(), cloud.z.data()};
+    float low[3], high[3];
+    for (int c = 0; c < 3; ++c) {
+      std::copy_n(from[c], n, cloud_ + static_cast<std::size_t>(c) * static_cast<std::size_t>(sizes_.field.max_points));
+      low[c] = std::numeric_limits<float>::max(), high[c] = -low[c];
+      for (int i = 0; i < n; ++i) {
+        const bool good = std::abs(from[0][i]) < kUsable && std::abs(from[1][i]) < kUsable && std::abs(from[2][i]) < kUsable;
+        const float v = from[c][i];
+        low[c] = good && v < low[c] ? v : low[c], high[c] = good && v > high[c] ? v : high[c];
+      }
+    }
+    *field_frame_ = field_frame(sizes_.field, low, high, n);
+    field_built_ = false;
+    best_known_ = -1;
+    return error_ == DeviceError::none;
+  }
+
+  bool minimise(int model, std::span<const float> centres, std::span<const float> deviation, const RandomKey& key, SwarmResult& out) override {
+    if (error_ != DeviceError::none) return false;
+    const int d = dimensions(model);
+    swarm_frame_->key = key;
+    swarm_frame_->starts = std::min(static_cast<int>(centres.size()) / d, kMostStarts);
+    std::copy_n(centres.data(), swarm_frame_->starts * d, swarm_frame_->centres);
+    std::copy_n(deviation.data(), d, swarm_frame_->deviation);
+    answer_->done = ~key.frame;
+    if (!run(program(model, !field_built_))) return false;
+    field_built_ = true;
+    if (answer_->done != key.frame) {  // the driver said nothing, and nothing was done
+      error_ = DeviceError::lost;
+      return false;
+    }
+    std::copy_n(answer_->best, d, best_.data());
+    std::copy_n(answer_->history, history_.size(), history_.data());
+    terms_ = answer_->terms;
+    best_known_ = model;
+    out.best = {best_.data(), static_cast<std::size_t>(d)};
+    out.cost = answer_->cost;
+    out.history = history_;
+    return true;
+  }
+
+  bool evaluate(int model, std::span<const float> particle, ParticleTerms& out) override {
+    if (error_ != DeviceError::none) return false;
+    // Nearly always the particle that was just found: its terms came with it.
+    if (best_known_ == model && std::equal(particle.begin(), particle.end(), best_.begin())) {
+      out = terms_;
+      return true;
+    }
+    std::copy_n(particle.data(), dimensions(model), given_);
+    if (!field_built_) {
+      if (!run(field_program_)) return false;
+      field_built_ = true;
+    }
+    if (!run(models_[static_cast<std::size_t>(model)].evaluate)) return false;
+    out = answer_->terms;
+    return true;
+  }
+
+ private:
+  struct Model {
+    EnergyView view;
+    int program[2] = {0, 0}, evaluate = 0;  ///< without the field's build, with it
+  };
+
+  bool run(int program) {
+    error_ = device_->run(program);
+    return error_ == DeviceError::none;
+  }
+  void check(DeviceError e) const {
+    if (e != DeviceError::none) throw std::runtime_error("swarm on a device: " + std::string(to_string(e)) + (device_->problem().empty() ? "" : ": " + device_->problem()));
+  }
+  template <class T>
+  T* take(std::size_t count) {
+    T* out = nullptr;
+    check(allocate(*device_, std::max<std::size_t>(count, 1), out));
+    return out;
+  }
+  template <class T>
+  T* take_pinned(std::size_t count, T*& host) {
+    void *h = nullptr, *d = nullptr;
+    check(device_->allocate_pinned(count * sizeof(T), h, d));
+    pinned_bytes_ += count * sizeof(T);
+    host = static_cast<T*>(h);
+    return static_cast<T*>(d);
+  }
+  template <class T>
+  const T* copy(const std::vector<T>& from) {
+    T* to = take<T>(from.size());
+    check(device_->upload(to, from.data(), from.size() * sizeof(T)));
+    return to;
+  }
+
+  void take_memory() {
+    const auto points = static_cast<std::size_t>(sizes_.field.max_points), bricks = static_cast<std::size_t>(sizes_.field.max_bricks);
+    FieldMemory& f = field_;
+    f.capacity = sizes_.field.max_points, f.max_bricks = sizes_.field.max_bricks;
+    f.frame = take_pinned(1, field_frame_), f.cloud = take_pinned(3 * points, cloud_);
+    f.local_frame = take<FieldFrame>(1), f.view = take<FieldView>(1);
+    f.count = take<std::int32_t>(bricks), f.start = take<std::int32_t>(bricks + 1), f.next = take<std::int32_t>(bricks);
+    f.key = take<std::int32_t>(points), f.given = take<Point>(points), f.sorted = take<Point>(points);
+    f.distance = take<float>(bricks), f.brick = take<std::int32_t>(bricks), f.cell = take<std::int32_t>(1 + bricks * (1 + kBrickCells));
+    *field_frame_ = FieldFrame{};
+
+    const int n = sizes_.swarm.particles;
+    const auto slots = static_cast<std::size_t>(n), blocks = static_cast<std::size_t>((n + particles_a_block_ - 1) / particles_a_block_);
+    swarm_from_ = take_pinned(1, swarm_frame_);
+    answer_device_ = take_pinned(1, answer_), given_device_ = take_pinned(kMostDimensions, given_);
+    *swarm_frame_ = SwarmFrame{};
+    SwarmState& s = state_;
+    s.frame = take<SwarmFrame>(1);
+    for (float** v : {&s.position, &s.velocity, &s.best}) *v = take<float>(slots * kMostDimensions);
+    s.best_cost = take<float>(slots);
+    for (int i = 0; i < 2; ++i)
+      s.block_key[i] = take<std::uint64_t>(blocks), s.block_best[i] = take<float>(blocks * kMostDimensions), s.global[i] = take<float>(1 + kMostDimensions);
+    s.history = take<float>(kMostIterations);
+    check(device_->record(field_steps(), field_program_));
+  }
+
+  std::vector<Step> field_steps() const {
+    const int many = 8 * device_->processors();
+    return {{ClearField(field_), many}, {CountPoints(field_), many}, {StartBricks(field_), 1}, {SortPoints(field_), many}, {DescribeBricks(field_), 2 * many},
+            {DescribeCells(field_), 2 * many}};
+  }
+
+  void take_model(const EnergyPack& pack) {
+    Model model;
+    EnergyView& v = model.view = pack.view();
+    v.shape = copy(pack.shape()), v.weight = copy(pack.weight()), v.segment = copy(pack.segment()), v.segment_start = copy(pack.segment_start());
+    v.part = copy(pack.part()), v.joint = copy(pack.joint());
+    v.pose_mean = copy(pack.pose_mean()), v.pose_component = copy(pack.pose_component());
+    if (particles_a_block_ == 16)
+      record<Iterate16>(pack, model);
+    else
+      record<Iterate4>(pack, model);
+    models_.push_back(model);
+  }
+
+  template <class K>
+  void record(const EnergyPack& pack, Model& model) {
+    K kernel;
+    kernel.m = model.view, kernel.field = field_.view, kernel.state = state_;
+    std::vector<std::int32_t> of_vertex(static_cast<std::size_t>(pack.vertices()));
+    for (int b = 0; b < model.view.batches; ++b)
+      for (std::int32_t s = pack.segment_start()[static_cast<std::size_t>(b)]; s < pack.segment_start()[static_cast<std::size_t>(b) + 1]; ++s)
+        for (int i = pack.segment()[static_cast<std::size_t>(s)].begin; i < pack.segment()[static_cast<std::size_t>(s)].end; ++i)
+          of_vertex[static_cast<std::size_t>(b * kBatch + i)] = s;
+    kernel.vertex_segment = copy(of_vertex);
+    order_parts(pack, kernel);
+    kernel.particles = sizes_.swarm.particles, kernel.cognitive = sizes_.swarm.cognitive, kernel.social = sizes_.swarm.social;
+
+    std::vector<Step> steps{{TakeFrame{{}, reinterpret_cast<const std::uint32_t*>(swarm_from_), const_cast<std::uint32_t*>(reinterpret_cast<const std::uint32_t*>(state_.frame))}, 1}};
+    const int blocks = (sizes_.swarm.particles + particles_a_block_ - 1) / particles_a_block_, n = sizes_.swarm.iterations;
+    for (int i = 0; i < n; ++i) {
+      kernel.iteration = i, kernel.inertia = inertia_of(i, n, sizes_.swarm.inertia_first, sizes_.swarm.inertia_last);
+      steps.push_back({kernel, blocks});
+    }
+    kernel.iteration = n, kernel.answer = answer_device_;
+    steps.push_back({kernel, 1});
+    check(device_->record(steps, model.program[0]));
+    std::vector<Step> with_field = field_steps();
+    with_field.insert(with_field.end(), steps.begin(), steps.end());
+    check(device_->record(with_field, model.program[1]));
+    kernel.given = given_device_;
+    const Step one{kernel, 1};
+    check(device_->record({&one, 1}, model.evaluate));
+  }
+
+  template <class K>
+  static void order_parts(const EnergyPack& pack, K& kernel) {
+    int level[kParts] = {}, at = 0;
+    for (int p = 1; p < kParts; ++p) level[p] = level[pack.part()[static_cast<std::size_t>(p)].parent] + 1;
+    for (int l = 0; l < kLevels; ++l) {
+      kernel.level_start[l] = static_cast<std::int8_t>(at);
+      for (int p = 0; p < kParts; ++p)
+        if (level[p] == l) kernel.level_part[at++] = static_cast<std::int8_t>(p);
+    }
+    kernel.level_start[kLevels] = static_cast<std::int8_t>(at);
+    if (at != kParts) throw std::invalid_argument("swarm on a device: the kinematic chain is longer than its kernels");
+  }
+
+  SwarmSizes sizes_;
+  std::unique_ptr<Device> device_;
+  std::string name_;
+  DeviceError error_ = DeviceError::none;
+  int particles_a_block_ = 16;
+  std::vector<EnergyPack> packs_;
+  std::vector<Model> models_;
+  FieldMemory field_{};
+  FieldFrame* field_frame_ = nullptr;
+  float *cloud_ = nullptr, *given_ = nullptr;
+  const float* given_device_ = nullptr;
+  SwarmFrame* swarm_frame_ = nullptr;
+  const SwarmFrame* swarm_from_ = nullptr;
+  SwarmAnswer *answer_ = nullptr, *answer_device_ = nullptr;
+  SwarmState state_{};
+  std::size_t pinned_bytes_ = 0;
+  int field_program_ = 0, best_known_ = -1;
+  bool field_built_ = false;
+  ParticleTerms terms_{};
+  std::vector<float> best_, history_;
+};
+
+}  // namespace
+
+std::unique_ptr<DeviceSwarm> make_device_swarm(std::unique_ptr<Device> device, std::span<const BodyModel* const> models, const PosePrior& prior,
+                                               const SwarmSizes& sizes) {
+  return std::make_unique<Swarm>(std::move(device), models, prior, sizes);
+}
+
+}  // namespace booth::fit::device
