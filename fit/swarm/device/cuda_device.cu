@@ -134,9 +134,11 @@ class CudaDevice final : public Device {
     if (step >= static_cast<int>(p.steps.size())) return DeviceError::absent;
     const cudaGraphExec_t graph = step < 0 ? p.whole : p.steps[static_cast<std::size_t>(step)];
     std::vector<float> times(static_cast<std::size_t>(std::max(1, repeats)));
-    for (int warm = 0; warm < 3; ++warm)
-      if (const DeviceError e = check(cudaGraphLaunch(graph, stream_), DeviceError::lost); e != DeviceError::none) return e;
-    for (float& t : times) {
+    for (int turn = -3; turn < static_cast<int>(times.size()); ++turn) {  // three turns to warm up
+      // A step finds what the steps before it leave, as in a frame.
+      for (int before = 0; before < step; ++before)
+        if (const DeviceError e = check(cudaGraphLaunch(p.steps[static_cast<std::size_t>(before)], stream_), DeviceError::lost); e != DeviceError::none) return e;
+      float& t = times[static_cast<std::size_t>(std::max(turn, 0))];
       for (const cudaError_t e : {cudaEventRecord(begin_, stream_), cudaGraphLaunch(graph, stream_), cudaEventRecord(end_, stream_), cudaEventSynchronize(end_),
                                   cudaEventElapsedTime(&t, begin_, end_)})
         if (e != cudaSuccess) return check(e, DeviceError::lost);

@@ -15,7 +15,7 @@ namespace booth::fit::device {
 /// Every kernel there is. A swarm small enough takes fewer particles a block, so that all processors have something to do.
 using Iterate4 = Iterate<4, 4>;
 using Iterate16 = Iterate<16, 8>;
-using Kernel = std::variant<ClearField, CountPoints, StartBricks, SortPoints, DescribeBricks, DescribeCells, TakeFrame, Iterate4, Iterate16>;
+using Kernel = std::variant<ClearField, CountPoints, StartRows, SortPoints, DescribeBricks, DescribeCells, TakeFrame, Iterate4, Iterate16>;
 
 struct Step {
   Kernel kernel;
@@ -58,7 +58,7 @@ class Device {
   virtual DeviceError record(std::span<const Step> steps, int& program) = 0;
   /// Runs a program and waits for its end. Allocates nothing.
   virtual DeviceError run(int program) = 0;
-  /// For measurements: device time of a program, or of one of its steps (all: -1), in milliseconds: the median of `repeats`.
+  /// For measurements: device time of a program, or of one of its steps after those before it (all: -1), in milliseconds: the median of `repeats`.
   virtual DeviceError time(int program, int step, int repeats, double& milliseconds) = 0;
 };
 

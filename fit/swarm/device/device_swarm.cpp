@@ -170,7 +170,7 @@ class Swarm final : public DeviceSwarm {
     f.capacity = sizes_.field.max_points, f.max_bricks = sizes_.field.max_bricks;
     f.frame = take_pinned(1, field_frame_), f.cloud = take_pinned(3 * points, cloud_);
     f.local_frame = take<FieldFrame>(1), f.view = take<FieldView>(1);
-    f.count = take<std::int32_t>(bricks), f.start = take<std::int32_t>(bricks + 1), f.next = take<std::int32_t>(bricks);
+    f.count = take<std::int32_t>(bricks), f.start = take<std::int32_t>(2 * bricks + 1), f.next = take<std::int32_t>(bricks), f.used = take<std::int32_t>(1);
     f.key = take<std::int32_t>(points), f.given = take<Point>(points), f.sorted = take<Point>(points);
     f.distance = take<float>(bricks), f.brick = take<std::int32_t>(bricks), f.cell = take<std::int32_t>(1 + bricks * (1 + kBrickCells));
     *field_frame_ = FieldFrame{};
@@ -192,7 +192,7 @@ class Swarm final : public DeviceSwarm {
 
   std::vector<Step> field_steps() const {
     const int many = 8 * device_->processors();
-    return {{ClearField(field_), many}, {CountPoints(field_), many}, {StartBricks(field_), 1}, {SortPoints(field_), many}, {DescribeBricks(field_), 2 * many},
+    return {{ClearField(field_), many}, {CountPoints(field_), many}, {StartRows(field_), many}, {SortPoints(field_), many}, {DescribeBricks(field_), 2 * many},
             {DescribeCells(field_), 2 * many}};
   }
 
@@ -220,22 +220,31 @@ class Swarm final : public DeviceSwarm {
           of_vertex[static_cast<std::size_t>(b * kBatch + i)] = s;
     kernel.vertex_segment = copy(of_vertex);
     order_parts(pack, kernel);
-    kernel.particles = sizes_.swarm.particles, kernel.cognitive = sizes_.swarm.cognitive, kernel.social = sizes_.swarm.social;
+    kernel.particles = sizes_.swarm.particles, kernel.block_particles = particles_a_block_;
+    kernel.cognitive = sizes_.swarm.cognitive, kernel.social = sizes_.swarm.social;
 
-    std::vector<Step> steps{{TakeFrame{{}, reinterpret_cast<const std::uint32_t*>(swarm_from_), const_cast<std::uint32_t*>(reinterpret_cast<const std::uint32_t*>(state_.frame))}, 1}};
+    TakeFrame take_frame;
+    take_frame.from = swarm_from_, take_frame.to = const_cast<SwarmFrame*>(state_.frame);
+    std::vector<Step> steps{{take_frame, 1}};
     const int blocks = (sizes_.swarm.particles + particles_a_block_ - 1) / particles_a_block_, n = sizes_.swarm.iterations;
     for (int i = 0; i < n; ++i) {
       kernel.iteration = i, kernel.inertia = inertia_of(i, n, sizes_.swarm.inertia_first, sizes_.swarm.inertia_last);
       steps.push_back({kernel, blocks});
     }
-    kernel.iteration = n, kernel.answer = answer_device_;
-    steps.push_back({kernel, 1});
+    // The answer is one particle: the smaller block has it sooner. What the blocks of the last iteration were is the same for both.
+    Iterate4 last;
+    last.m = kernel.m, last.field = kernel.field, last.vertex_segment = kernel.vertex_segment, last.state = kernel.state;
+    std::copy(std::begin(kernel.level_part), std::end(kernel.level_part), last.level_part);
+    std::copy(std::begin(kernel.level_start), std::end(kernel.level_start), last.level_start);
+    last.particles = kernel.particles, last.block_particles = particles_a_block_;
+    last.iteration = n, last.answer = answer_device_;
+    steps.push_back({last, 1});
     check(device_->record(steps, model.program[0]));
     std::vector<Step> with_field = field_steps();
     with_field.insert(with_field.end(), steps.begin(), steps.end());
     check(device_->record(with_field, model.program[1]));
-    kernel.given = given_device_;
-    const Step one{kernel, 1};
+    last.given = given_device_;
+    const Step one{last, 1};
     check(device_->record({&one, 1}, model.evaluate));
   }
 

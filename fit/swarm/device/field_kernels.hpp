@@ -32,18 +32,23 @@ struct FieldMemory {
   std::int32_t capacity, max_bricks;
   FieldFrame* local_frame;            ///< the device's own copy
   FieldView* view;
-  std::int32_t *count, *start, *next;  ///< per brick; `start` has one more
+  std::int32_t *count, *next;          ///< per brick
+  std::int32_t* start;                 ///< per brick, and one more after each row of bricks: row r's begin at r (bricks[0] + 1)
+  std::int32_t* used;                  ///< places given to rows so far
   std::int32_t* key;                  ///< per point
   Point *given, *sorted;
   float* distance;                    ///< per brick: of the centre from the nearest point
   std::int32_t *brick, *cell;         ///< brick b answers with cell 1 + b, or with the 64 from 1 + max_bricks + 64 b on; cell 0 has no point
 };
 
-BOOTH_HOST_DEVICE std::int32_t add_one(std::int32_t* at) {
+/// What was there before.
+BOOTH_HOST_DEVICE std::int32_t add(std::int32_t* at, std::int32_t value) {
 #if defined(__CUDA_ARCH__)
-  return atomicAdd(at, 1);
+  return atomicAdd(at, value);
 #else
-  return (*at)++;
+  const std::int32_t before = *at;
+  *at += value;
+  return before;
 #endif
 }
 
@@ -59,8 +64,9 @@ struct ClearField : OneRound {
 
   template <int kPhase>
   BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared&, Private&) const {
-    const int first = lane.block * kThreads + lane.thread, total = m.frame->total();
-    for (int b = first; b < total; b += lane.blocks * kThreads) m.count[b] = 0;
+    const int first = lane.block * kThreads + lane.thread;
+    for (int b = first; b < m.max_bricks;  // all there are: asking the host how many matter would take longer
+          b += lane.blocks * kThreads) m.count[b] = 0;
     if (first != 0) return;
     const FieldFrame f = *m.frame;
     *m.local_frame = f;
@@ -71,6 +77,7 @@ struct ClearField : OneRound {
     v.brick_strides = f.bricks[0] | (f.bricks[0] * f.bricks[1]) << 16;
     v.step = f.step;
     m.cell[0] = kNoPoint;
+    *m.used = 0;
   }
 };
 
@@ -96,47 +103,33 @@ struct CountPoints : OneRound {
       const std::int32_t key = good ? (at[2] * f.bricks[1] + at[1]) * f.bricks[0] + at[0] : -1;
       m.key[i] = key;
       m.given[i] = {p[0], p[1], p[2], i};
-      if (good) add_one(m.count + key);
+      if (good) add(m.count + key, 1);
     }
   }
 };
 
-/// Where each brick's points begin: one block adds up all counts, kThreads runs side by side.
-struct StartBricks : OneRound {
-  static constexpr int kThreads = 1024, kPhases = 3, kRow = 32;
-  struct Shared {
-    std::int32_t sum[kThreads], row[kRow];
-  };
-  struct Private {
-    std::int32_t begin, end;
-  };
-  explicit StartBricks(const FieldMemory& memory) : m(memory) {}
+/// Where each brick's points begin. A row of bricks along x takes its place when it comes; which one is left to chance, too.
+struct StartRows : OneRound {
+  static constexpr int kThreads = 32, kPhases = 1;
+  struct Shared {};
+  struct Private {};
+  explicit StartRows(const FieldMemory& memory) : m(memory) {}
   FieldMemory m;
 
   template <int kPhase>
-  BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared& s, Private& own) const {
-    const int t = lane.thread;
-    if constexpr (kPhase == 0) {
-      const std::int32_t total = m.local_frame->total(), each = (total + kThreads - 1) / kThreads;
-      own.begin = t * each < total ? t * each : total, own.end = own.begin + each < total ? own.begin + each : total;
+  BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared&, Private&) const {
+    const FieldFrame& f = *m.local_frame;
+    const std::int32_t nx = f.bricks[0], rows = f.bricks[1] * f.bricks[2];
+    for (std::int32_t row = lane.block * kThreads + lane.thread; row < rows; row += lane.blocks * kThreads) {
       std::int32_t sum = 0;
-      for (std::int32_t b = own.begin; b < own.end; ++b) sum += m.count[b];
-      s.sum[t] = sum;
-    } else if constexpr (kPhase == 1) {
-      if (t >= kRow) return;
-      std::int32_t sum = 0;
-      for (int i = 0; i < kThreads / kRow; ++i) sum += s.sum[t * (kThreads / kRow) + i];
-      s.row[t] = sum;
-    } else {
-      const int row = t / (kThreads / kRow);
-      std::int32_t sum = 0;
-      for (int r = 0; r < row; ++r) sum += s.row[r];
-      for (int i = row * (kThreads / kRow); i < t; ++i) sum += s.sum[i];
-      for (std::int32_t b = own.begin; b < own.end; ++b) {
-        m.start[b] = m.next[b] = sum;
-        sum += m.count[b];
+      for (std::int32_t x = 0; x < nx; ++x) sum += m.count[row * nx + x];
+      std::int32_t at = sum > 0 ? add(m.used, sum) : 0;
+      std::int32_t* start = m.start + row * (nx + 1);
+      for (std::int32_t x = 0; x < nx; ++x) {
+        start[x] = m.next[row * nx + x] = at;
+        at += m.count[row * nx + x];
       }
-      if (t == kThreads - 1) m.start[m.local_frame->total()] = sum;
+      start[nx] = at;
     }
   }
 };
@@ -153,9 +146,11 @@ struct SortPoints : OneRound {
   BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared&, Private&) const {
     const FieldFrame& f = *m.local_frame;
     for (int i = lane.block * kThreads + lane.thread; i < f.points; i += lane.blocks * kThreads)
-      if (const std::int32_t key = m.key[i]; key >= 0) m.sorted[add_one(m.next + key)] = m.given[i];
+      if (const std::int32_t key = m.key[i]; key >= 0) m.sorted[add(m.next + key, 1)] = m.given[i];
   }
 };
+
+inline constexpr std::int32_t kNobody = 0x7fffffff;  ///< index of no point
 
 /// The nearest point so far.
 struct Nearest {
@@ -167,7 +162,51 @@ struct Nearest {
     const float dx = p.x - cx, dy = p.y - cy, dz = p.z - cz, d = dx * dx + dy * dy + dz * dz;
     if (d < distance2 || (d == distance2 && p.index < index)) distance2 = d, index = p.index, x = p.x, y = p.y, z = p.z;
   }
+  BOOTH_HOST_DEVICE void offer(const Nearest& o) {
+    if (o.distance2 < distance2 || (o.distance2 == distance2 && o.index < index)) *this = o;
+  }
 };
+
+/// Along one axis, from a place to a layer of bricks; a little short, so that rounding loses no point.
+BOOTH_HOST_DEVICE float gap(const FieldFrame& f, int axis, std::int32_t layer, float place) {
+  const float low = f.origin[axis] + static_cast<float>(layer) * f.edge - 1e-4f, high = low + f.edge + 2e-4f;
+  return low > place ? low - place : place > high ? place - high : 0.0f;
+}
+
+/// Looks at the points of row (y, z) that may be nearer than the best so far, every kStep-th from `from` on.
+template <int kStep>
+BOOTH_HOST_DEVICE void search_row(const FieldMemory& m, const FieldFrame& f, std::int32_t y, std::int32_t z, const float* place, int from, Nearest& best) {
+  if (y < 0 || z < 0 || y >= f.bricks[1] || z >= f.bricks[2]) return;
+  const std::int32_t* start = m.start + (z * f.bricks[1] + y) * (f.bricks[0] + 1);
+  if (start[0] == start[f.bricks[0]]) return;
+  const float gy = gap(f, 1, y, place[1]), gz = gap(f, 2, z, place[2]), rest = best.distance2 - (gy * gy + gz * gz);
+  if (rest < 0) return;
+  const float reach = sqrtf(rest) + 1e-4f;
+  const auto layer = [&](float x) {
+    const std::int32_t i = static_cast<std::int32_t>((x - f.origin[0]) / f.edge);
+    return i < 0 ? 0 : i > f.bricks[0] - 1 ? f.bricks[0] - 1 : i;
+  };
+  for (std::int32_t e = start[layer(place[0] - reach)] + from, end = start[layer(place[0] + reach) + 1]; e < end; e += kStep)
+    best.offer(m.sorted[e], place[0], place[1], place[2]);
+}
+
+/// All rows around (y, z), the nearest first: they hold the nearest points, and spare most of the others.
+template <int kStep>
+BOOTH_HOST_DEVICE void search_rows(const FieldMemory& m, const FieldFrame& f, std::int32_t y, std::int32_t z, int layers, const float* place, int from,
+                                   Nearest& best) {
+  for (int r = 0; r <= layers; ++r) {
+    const float least = static_cast<float>(r - 1) * f.edge;  // the place is somewhere in its own row
+    if (r > 1 && least * least > best.distance2) return;
+    for (std::int32_t k = -r; k <= r; ++k) {
+      search_row<kStep>(m, f, y + k, z - r, place, from, best);
+      if (r > 0) search_row<kStep>(m, f, y + k, z + r, place, from, best);
+    }
+    for (std::int32_t k = 1 - r; k < r; ++k) {
+      search_row<kStep>(m, f, y - r, z + k, place, from, best);
+      search_row<kStep>(m, f, y + r, z + k, place, from, best);
+    }
+  }
+}
 
 BOOTH_HOST_DEVICE std::int32_t pack_point(const FieldFrame& f, const float* corner, const Nearest& n) {
   const float per_step = kBrick / (f.edge * f.step);
@@ -177,57 +216,47 @@ BOOTH_HOST_DEVICE std::int32_t pack_point(const FieldFrame& f, const float* corn
   return fits(x) && fits(y) && fits(z) ? pack_offset(x, y, z) : kNoPoint;
 }
 
-/// Every brick looks for the point nearest to its centre, layer of bricks by layer.
-struct DescribeBricks : OneRound {
-  static constexpr int kThreads = 128, kPhases = 1;
-  struct Shared {};
+/// Every brick looks for the point nearest to its centre: kTeam threads share its points.
+struct DescribeBricks {
+  static constexpr int kThreads = 128, kPhases = 2, kTeam = 8, kSide = kThreads / kTeam;
+  struct Shared {
+    Nearest best[kThreads];
+  };
   struct Private {};
   explicit DescribeBricks(const FieldMemory& memory) : m(memory) {}
   FieldMemory m;
 
+  BOOTH_HOST_DEVICE int rounds(const Lane& lane) const { return (m.local_frame->total() + lane.blocks * kSide - 1) / (lane.blocks * kSide); }
   template <int kPhase>
-  BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared&, Private&) const {
-    const FieldFrame& f = *m.local_frame;
-    const std::int32_t total = f.total();
-    for (std::int32_t b = lane.block * kThreads + lane.thread; b < total; b += lane.blocks * kThreads) describe(f, b);
+  BOOTH_HOST_DEVICE bool runs(int) const {
+    return true;
   }
 
-  BOOTH_HOST_DEVICE void describe(const FieldFrame& f, std::int32_t b) const {
-    const std::int32_t nx = f.bricks[0], ny = f.bricks[1], nz = f.bricks[2], at[3] = {b % nx, b / nx % ny, b / (nx * ny)};
+  template <int kPhase>
+  BOOTH_HOST_DEVICE void phase(const Lane& lane, int round, Shared& s, Private&) const {
+    const FieldFrame& f = *m.local_frame;
+    const std::int32_t b = (round * lane.blocks + lane.block) * kSide + lane.thread / kTeam;
+    if (b >= f.total()) return;
+    const std::int32_t nx = f.bricks[0], ny = f.bricks[1], at[3] = {b % nx, b / nx % ny, b / (nx * ny)};
     float corner[3], centre[3];
     bool border = f.points == 0;
     for (int c = 0; c < 3; ++c) {
       corner[c] = f.origin[c] + static_cast<float>(at[c]) * f.edge, centre[c] = corner[c] + 0.5f * f.edge;
       border = border || at[c] == 0 || at[c] == f.bricks[c] - 1;  // clamped look-ups end there
     }
-    const float reach = f.band + 0.8661f * f.edge;  // half a brick's diagonal: some vertex in the brick may be within the band
-    Nearest best{reach * reach, 0x7fffffff, 0, 0, 0};
-    const int layers = border ? -1 : static_cast<int>(reach / f.edge + 0.5f);
-    for (int r = 0; r <= layers; ++r) {
-      // Points in layer r are at least (r - 1/2) edges from the centre.
-      const float least = (static_cast<float>(r) - 0.5f) * f.edge;
-      if (r > 0 && least * least > best.distance2) break;
-      const auto limit = [](std::int32_t v, std::int32_t n) { return v < 0 ? 0 : v > n - 1 ? n - 1 : v; };
-      for (std::int32_t z = limit(at[2] - r, nz); z <= limit(at[2] + r, nz); ++z)
-        for (std::int32_t y = limit(at[1] - r, ny); y <= limit(at[1] + r, ny); ++y) {
-          const std::int32_t row = (z * ny + y) * nx, x0 = limit(at[0] - r, nx), x1 = limit(at[0] + r, nx);
-          const bool whole = z == at[2] - r || z == at[2] + r || y == at[1] - r || y == at[1] + r;
-          if (whole) {
-            scan(row + x0, row + x1, centre, best);
-          } else {  // only the two ends are new
-            if (at[0] - r >= 0) scan(row + x0, row + x0, centre, best);
-            if (at[0] + r < nx) scan(row + x1, row + x1, centre, best);
-          }
-        }
+    if constexpr (kPhase == 0) {
+      const float reach = f.band + 0.8661f * f.edge;  // half a brick's diagonal: some vertex in the brick may be within the band
+      Nearest best{reach * reach, kNobody, 0, 0, 0};
+      if (!border) search_rows<kTeam>(m, f, at[1], at[2], static_cast<int>(reach / f.edge + 0.5f), centre, lane.thread % kTeam, best);
+      s.best[lane.thread] = best;
+    } else if (lane.thread % kTeam == 0) {
+      Nearest best = s.best[lane.thread];
+      for (int i = 1; i < kTeam; ++i) best.offer(s.best[lane.thread + i]);
+      m.distance[b] = sqrtf(best.distance2);
+      const bool found = best.index != kNobody, fine = found && m.distance[b] <= f.fine;
+      m.cell[1 + b] = found ? pack_point(f, corner, best) : kNoPoint;
+      m.brick[b] = fine ? 1 + m.max_bricks + b * kBrickCells : ~(1 + b);
     }
-    m.distance[b] = sqrtf(best.distance2);
-    const bool found = best.index != 0x7fffffff, fine = found && m.distance[b] <= f.fine;
-    m.cell[1 + b] = found ? pack_point(f, corner, best) : kNoPoint;
-    m.brick[b] = fine ? 1 + m.max_bricks + b * kBrickCells : ~(1 + b);
-  }
-
-  BOOTH_HOST_DEVICE void scan(std::int32_t first, std::int32_t last, const float* centre, Nearest& best) const {
-    for (std::int32_t e = m.start[first], end = m.start[last + 1]; e < end; ++e) best.offer(m.sorted[e], centre[0], centre[1], centre[2]);
   }
 };
 
@@ -249,7 +278,7 @@ struct DescribeCells : OneRound {
   }
 
   BOOTH_HOST_DEVICE void describe(const FieldFrame& f, std::int32_t b, int local) const {
-    const std::int32_t nx = f.bricks[0], ny = f.bricks[1], nz = f.bricks[2], at[3] = {b % nx, b / nx % ny, b / (nx * ny)};
+    const std::int32_t nx = f.bricks[0], ny = f.bricks[1], at[3] = {b % nx, b / nx % ny, b / (nx * ny)};
     const float cell = f.edge / kBrick;
     const int inside[3] = {local & 3, local >> 2 & 3, local >> 4};
     float corner[3], centre[3];
@@ -259,27 +288,9 @@ struct DescribeCells : OneRound {
     }
     // The brick's own nearest point is nowhere further from a cell's centre than this; half a diagonal of the centres' box is 2.6 cells.
     const float reach = m.distance[b] + 2.61f * cell;
-    Nearest best{reach * reach, 0x7fffffff, 0, 0, 0};
-    const int layers = 1 + static_cast<int>((reach - 0.5f * cell) / f.edge);
-    const auto limit = [](std::int32_t v, std::int32_t n) { return v < 0 ? 0 : v > n - 1 ? n - 1 : v; };
-    // Rows beside the brick first: they hold the nearest points, and spare most of the others.
-    for (int r = 0; r <= layers; ++r)
-      for (std::int32_t z = at[2] - r; z <= at[2] + r; ++z)
-        for (std::int32_t y = at[1] - r; y <= at[1] + r; ++y) {
-          if (z < 0 || z >= nz || y < 0 || y >= ny || (z != at[2] - r && z != at[2] + r && y != at[1] - r && y != at[1] + r)) continue;
-          const float gy = gap(f, 1, y, centre[1]), gz = gap(f, 2, z, centre[2]);
-          if (gy * gy + gz * gz > best.distance2) continue;
-          const std::int32_t row = (z * ny + y) * nx;
-          for (std::int32_t e = m.start[row + limit(at[0] - layers, nx)], end = m.start[row + limit(at[0] + layers, nx) + 1]; e < end; ++e)
-            best.offer(m.sorted[e], centre[0], centre[1], centre[2]);
-        }
-    m.cell[1 + m.max_bricks + b * kBrickCells + local] = best.index == 0x7fffffff ? kNoPoint : pack_point(f, corner, best);
-  }
-
-  /// Along one axis, from a place to a layer of bricks; a little short, so that rounding loses no point.
-  BOOTH_HOST_DEVICE static float gap(const FieldFrame& f, int axis, std::int32_t layer, float place) {
-    const float low = f.origin[axis] + static_cast<float>(layer) * f.edge - 1e-4f, high = low + f.edge + 2e-4f;
-    return low > place ? low - place : place > high ? place - high : 0.0f;
+    Nearest best{reach * reach, kNobody, 0, 0, 0};
+    search_rows<1>(m, f, at[1], at[2], 1 + static_cast<int>((reach - 0.5f * cell) / f.edge), centre, 0, best);
+    m.cell[1 + m.max_bricks + b * kBrickCells + local] = best.index == kNobody ? kNoPoint : pack_point(f, corner, best);
   }
 };
 

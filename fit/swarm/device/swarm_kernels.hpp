@@ -47,7 +47,7 @@ struct ParticleLanes {
 };
 
 /// What changes from frame to frame; pinned.
-struct SwarmFrame {
+struct alignas(16) SwarmFrame {
   RandomKey key;
   std::int32_t starts = 1;
   float deviation[kMostDimensions];
@@ -74,17 +74,22 @@ struct SwarmState {
   float* history;                             ///< [iteration]
 };
 
-/// Copies a frame's settings from pinned memory, so that they cross the bus once.
+/// Copies a frame's settings from pinned memory, so that they cross the bus once; all at once, since each trip over it takes microseconds.
 struct TakeFrame : OneRound {
-  static constexpr int kThreads = 256, kPhases = 1;
+  static constexpr int kThreads = 1024, kPhases = 1;
   struct Shared {};
   struct Private {};
-  const std::uint32_t* from = nullptr;
-  std::uint32_t* to = nullptr;
+  struct alignas(16) Words {
+    std::uint32_t word[4];
+  };
+  const SwarmFrame* from = nullptr;
+  SwarmFrame* to = nullptr;
 
   template <int kPhase>
   BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared&, Private&) const {
-    for (int i = lane.thread; i < static_cast<int>(sizeof(SwarmFrame) / sizeof(std::uint32_t)); i += kThreads) to[i] = from[i];
+    static_assert(sizeof(SwarmFrame) % sizeof(Words) == 0);
+    for (int i = lane.thread; i < static_cast<int>(sizeof(SwarmFrame) / sizeof(Words)); i += kThreads)
+      reinterpret_cast<Words*>(to)[i] = reinterpret_cast<const Words*>(from)[i];
   }
 };
 
@@ -126,6 +131,7 @@ struct Iterate {
   std::int8_t level_start[kLevels + 1];          ///< ... and where each level begins
   SwarmState state;
   std::int32_t particles = 0, iteration = 0;
+  std::int32_t block_particles = kParticles;  ///< of the iterations' blocks
   float inertia = 0, cognitive = 0, social = 0;
   SwarmAnswer* answer = nullptr;
   const float* given = nullptr;
@@ -200,7 +206,7 @@ struct Iterate {
   BOOTH_HOST_DEVICE void gather_keys(int t, Shared& s) const {
     if (!has_past()) return;
     const std::uint64_t* keys = state.block_key[(iteration - 1) & 1];
-    const int blocks = (particles + kParticles - 1) / kParticles;
+    const int blocks = (particles + block_particles - 1) / block_particles;
     std::uint64_t least = ~std::uint64_t{0};
     for (int b = t; b < blocks; b += kThreads) least = keys[b] < least ? keys[b] : least;
     s.before.key[t] = least;
@@ -218,7 +224,7 @@ struct Iterate {
       if (iteration > 1) cost = old[0];
       if (cost_of(key) < cost) {
         cost = cost_of(key);
-        best = state.block_best[(iteration - 1) & 1] + static_cast<std::uint32_t>(key) / kParticles * kMostDimensions;
+        best = state.block_best[(iteration - 1) & 1] + static_cast<std::int32_t>(static_cast<std::uint32_t>(key)) / block_particles * kMostDimensions;
       }
       if (lane.block == 0) {
         float* now = state.global[iteration & 1];

@@ -31,6 +31,7 @@ using fit::device::DeviceSwarm;
 
 struct Options {
   std::string backend = "cuda", motions;
+  bool check = false;
   int repeats = 200, points = 60000, clips = 12, frames = 30;
 };
 
@@ -102,12 +103,16 @@ struct Bench {
     report.add({"whole frame, cloud handed over to answer (host clock)", "ms", 1e3 * seconds[1], reference, 1e3 * seconds[0]});
     report.add({"field and swarm (device clock)", "ms", device_ms(*swarm, swarm->program(0, true)), reference, 1e3 * seconds[0]});
     report.add({"swarm alone (device clock)", "ms", device_ms(*swarm, swarm->program(0, false))});
-    const char* steps[] = {"clear field, take frame's box", "count points (reads the cloud over the bus)", "start bricks", "sort points", "describe bricks", "describe cells",
+    const char* steps[] = {"clear field, take frame's box", "count points (reads the cloud over the bus)", "start rows", "sort points", "describe bricks", "describe cells",
                            "take the swarm's frame", "iteration 0", "iteration 1"};
     for (int s = 0; s < 9; ++s) report.add({fmt::format("step by itself: {}", steps[s]), "ms", device_ms(*swarm, swarm->program(0, true), s)});
     report.add({"step by itself: answer", "ms", device_ms(*swarm, swarm->program(0, true), 7 + sizes.swarm.iterations)});
     const Answer ours = answer(*swarm, 1), theirs = answer(*cpu, 1);
     report.add({"energy found", "", static_cast<double>(ours.cost), "the CPU's, over its own field", static_cast<double>(theirs.cost)});
+    fit::ParticleTerms a{}, b{};
+    if (!swarm->evaluate(0, centre, a) || !cpu->evaluate(0, centre, b)) throw std::runtime_error("bench gpu: the device was lost");
+    report.add({"point term of one particle", "mm", static_cast<double>(a.point), "the CPU's, over its own field", static_cast<double>(b.point)});
+    report.add({"plane term of one particle", "mm", static_cast<double>(a.plane), "the CPU's, over its own field", static_cast<double>(b.plane)});
     check_bits(*swarm, sizes);
   }
 
@@ -126,10 +131,22 @@ struct Bench {
   }
 };
 
+/// A swarm so small that a checker of memory or races gets through it, with both sizes of block, against the emulated device.
+void check_small(const Bench& bench, Report& report) {
+  const fit::BodyModel* model = &bench.subject.model;
+  for (int particles : {20, 1600}) {
+    const fit::SwarmSizes sizes{.swarm = {.particles = particles, .iterations = 2}};
+    const auto swarm = make_swarm(bench.emulated, {&model, 1}, bench.subject.prior, sizes), emulation = make_swarm(true, {&model, 1}, bench.subject.prior, sizes);
+    report.add({fmt::format("{} particles: other bits than the emulated device's", particles), "",
+                bench.answer(*swarm, 1) == bench.answer(*emulation, 1) ? 0.0 : 1.0});
+  }
+}
+
 void run(const Options& given, const Common& common, Report& report) {
   Options o = given;
   if (common.short_form) o.repeats = std::min(o.repeats, 3), o.points = std::min(o.points, 5000), o.clips = 1, o.frames = 2;
   const Bench bench(o, report);
+  if (o.check) return check_small(bench, report);
   if (common.short_form && bench.emulated) {
     bench.scaling({16}, {});
     if (!o.motions.empty()) budget_curve(bench.subject, o.motions, o.clips, o.frames, {16}, true, report);
@@ -143,6 +160,7 @@ void run(const Options& given, const Common& common, Report& report) {
 Run make(CLI::App& app) {
   auto o = std::make_shared<Options>();
   app.add_option("--backend", o->backend, "cuda, or emulated (slow: its times say nothing)")->check(CLI::IsMember({"cuda", "emulated"}))->capture_default_str();
+  app.add_flag("--check", o->check, "Only a small swarm against the emulated device: for compute-sanitizer");
   app.add_option("--repeats", o->repeats, "Runs behind each median")->check(CLI::Range(1, 100000))->capture_default_str();
   app.add_option("--points", o->points, "Points of the cloud")->check(CLI::Range(100, 120000))->capture_default_str();
   app.add_option("--motions", o->motions, "Folder of joint angles with held-out clips: adds the curve of error against budget");
