@@ -7,6 +7,9 @@
 #include "fit/energy/terms.hpp"
 #include "fit/parallel.hpp"
 #include "fit/swarm/backend.hpp"
+#include "fit/swarm/device/cuda_device.hpp"
+#include "fit/swarm/device/device_swarm.hpp"
+#include "fit/swarm/guarded_swarm.hpp"
 #include "fit/track/booth_fitter.hpp"
 #include "fit/track/diagnostics.hpp"
 #include "fit/track/paper_fitter.hpp"
@@ -33,6 +36,7 @@ struct Estimator::Impl {
   WorkerPool pool;
   std::vector<Candidate> candidates;
   std::unique_ptr<SwarmBackend> swarm;         ///< preset paper: one for all candidates
+  const GuardedSwarm* guarded = nullptr;       ///< `swarm`, where it has a device
   Candidate* person = nullptr;                 ///< whose body is known
   Candidate* rival = nullptr;                  ///< the other sex's model while it has not been decided
   double person_energy = 0, rival_energy = 0;  ///< summed over the frames since both were adopted
@@ -62,9 +66,21 @@ struct Estimator::Impl {
   void make_paper_fitters() {
     std::vector<const BodyModel*> models;
     for (const Candidate& c : candidates) models.push_back(c.model.get());
-    swarm = make_cpu_swarm(
-        models, *prior,
-        {.energy = {.shape_count = PaperFitter::kShapeCount, .vertices = PaperFitter::kVertices}, .field = {.max_points = settings.cloud_capacity}}, pool);
+    const SwarmSizes sizes{.energy = {.shape_count = PaperFitter::kShapeCount, .vertices = PaperFitter::kVertices},
+                           .field = {.max_points = settings.cloud_capacity}};
+    swarm = make_cpu_swarm(models, *prior, sizes, pool);
+    if (settings.backend == BackendChoice::cuda || (settings.backend == BackendChoice::automatic && device::cuda_built_in())) {
+      auto both = make_guarded_swarm(std::move(swarm), [models, p = prior, sizes](std::string& why) -> std::unique_ptr<SwarmBackend> {
+        try {
+          if (auto found = device::make_cuda_device(why)) return device::make_device_swarm(std::move(found), models, *p, sizes);
+        } catch (const std::exception& e) {
+          why = e.what();
+        }
+        return nullptr;
+      });
+      guarded = both.get();
+      swarm = std::move(both);
+    }
     for (std::size_t i = 0; i < candidates.size(); ++i)
       candidates[i].paper = std::make_unique<PaperFitter>(*candidates[i].model, *prior, *swarm, static_cast<int>(i));
   }
@@ -234,6 +250,8 @@ const FitResult& Estimator::fit(const Observation& observation, const PoseVector
 
 const BodyModel& Estimator::model() const { return *impl_->last->model; }
 const Vertices& Estimator::posed_vertices() const { return impl_->last->diagnostics->vertices(); }
+
+DeviceReport Estimator::device_report() const { return impl_->guarded ? impl_->guarded->report() : DeviceReport{}; }
 
 std::size_t Estimator::memory_bytes() const {
   std::size_t bytes = sizeof(Impl);

@@ -11,15 +11,23 @@
 #include "fit/body/body_model.hpp"
 #include "fit/cloud/observation.hpp"
 #include "fit/prior/pose_prior.hpp"
+#include "fit/swarm/guarded_swarm.hpp"
 
 namespace booth::fit {
 
 enum class Preset : std::uint8_t { booth, paper };
+/// What computes preset paper's swarm; preset booth has none and always works on the CPU.
+enum class BackendChoice : std::uint8_t {
+  cpu,
+  cuda,       ///< a CUDA device, with the CPU to take over when it fails
+  automatic,  ///< cuda where this build has it
+};
 enum class SexChoice : std::uint8_t { automatic, men, women };
 
 struct EstimatorSettings {
   Preset preset = Preset::booth;
   SexChoice sex = SexChoice::automatic;
+  BackendChoice backend = BackendChoice::cpu;
   int threads = 2;  ///< workers, the caller included; the result does not depend on it
   std::uint64_t seed = 1;
   int cloud_capacity = 120000;
@@ -84,6 +92,8 @@ class Estimator {
   const BodyModel& model() const;
   /// The fitted, posed vertices of the last result; CMU frame.
   const Vertices& posed_vertices() const;
+  /// Of the device that computes the swarm; `wanted` is false where there is none to speak of. From any thread.
+  DeviceReport device_report() const;
   /// Bytes taken at construction, for the memory plan.
   std::size_t memory_bytes() const;
 

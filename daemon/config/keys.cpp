@@ -150,7 +150,21 @@ const std::vector<ConfigKey>& table() {
        .slot = BOOTH_SLOT(fit.preset),
        .doc = "`booth` is the daemon's own estimator, `paper` the published particle swarm.",
        .choices = {"booth", "paper"}},
-      {.name = "fit.backend", .slot = BOOTH_SLOT(fit.backend), .doc = "What computes the fit.", .choices = {"cpu"}, .absent = {"cuda"}},
+      {.name = "fit.backend",
+       .slot = BOOTH_SLOT(fit.backend),
+       .doc = "What computes preset paper's swarm: `cuda` a CUDA device, with the CPU to take over when it fails; `auto` the same where the build has CUDA. "
+              "Preset "
+              "booth works on the CPU.",
+       .choices = {"auto", "cpu"
+#if defined(BOOTHD_HAS_CUDA)
+                   ,
+                   "cuda"
+#endif
+       },
+#if !defined(BOOTHD_HAS_CUDA)
+       .absent = {"cuda"}
+#endif
+      },
       {.name = "fit.sex",
        .slot = BOOTH_SLOT(fit.sex),
        .doc = "Which body model to fit; `auto` fits both and keeps the better.",

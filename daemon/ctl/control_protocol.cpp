@@ -54,6 +54,7 @@ Json make_status(const DaemonStatus& s) {
     j["others"] = s.last.others;
   }
   j["remark"] = s.remark;
+  j["backend"] = {{"name", s.backend.name}, {"problem", s.backend.problem}, {"losses", s.backend.losses}, {"changes", s.backend.changes}};
   j["dds_failures"] = s.dds_failures;
   if (!s.dds_problem.empty()) j["dds_problem"] = s.dds_problem;
   if (s.last_summary) j["last_session"] = Json::parse(s.last_summary->json, nullptr, false);

@@ -41,6 +41,9 @@ std::string for_people(const Json& s) {
       fmt::format("state      {}{}{}{}\n", s.value("state", "?"), s.value("paused", false) ? ", paused: too few cameras" : "",
                   s.value("degraded", false) ? ", degraded: a camera is missing" : "", s.value("emergency_latched", false) ? ", emergency stop pressed" : "");
   if (const std::string alarm = s.value("alarm", ""); !alarm.empty()) out += "alarm      " + alarm + "\n";
+  if (s.contains("backend") && s["backend"].is_object())
+    if (const std::string problem = s["backend"].value("problem", ""); !problem.empty())
+      out += "backend    " + s["backend"].value("name", "") + ": " + problem + "\n";
   if (const std::string remark = s.value("remark", ""); !remark.empty()) out += "remark     " + remark + "\n";
   for (const Json& c : s.value("cameras", Json::array())) {
     out += fmt::format("camera     {:<14} {:<10} {:>5.1f} frames/s, {} dropped, {} restarts{}{}{}\n", c.value("name", "?"), camera_state(c.value("state", "?")),

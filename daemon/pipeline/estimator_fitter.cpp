@@ -109,6 +109,12 @@ void EstimatorFitter::step(const FitInput& input, FrameRecord& out) {
   out.stage_ns[static_cast<std::size_t>(Stage::fit)] = steady_ns() - built;
 }
 
+BackendStatus EstimatorFitter::backend() const {
+  const fit::DeviceReport r = estimator_.device_report();
+  if (!r.wanted) return {};
+  return {.name = r.name, .problem = r.problem, .losses = r.losses, .changes = r.changes};
+}
+
 std::vector<MemoryItem> EstimatorFitter::memory_plan() const {
   std::size_t views = 0;
   for (const auto& view : observation_.views)

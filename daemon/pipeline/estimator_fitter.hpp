@@ -29,6 +29,7 @@ class EstimatorFitter final : public FrameFitter {
   void step(const FitInput& input, FrameRecord& out) override;
   const char* remark() const override { return remark_; }
   std::vector<MemoryItem> memory_plan() const override;
+  BackendStatus backend() const override;
 
   /// Of the last step(), for pictures.
   const fit::Observation& observation() const { return observation_; }

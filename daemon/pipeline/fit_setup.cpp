@@ -30,6 +30,9 @@ FitSetup make_fit_setup(const Config& config, const hal::DepthCameras& cameras, 
   estimator.preset = paper ? fit::Preset::paper : fit::Preset::booth;
   estimator.sex = config.fit.sex == "men" ? fit::SexChoice::men : config.fit.sex == "women" ? fit::SexChoice::women : fit::SexChoice::automatic;
   estimator.threads = static_cast<int>(config.fit.threads);
+  estimator.backend = config.fit.backend == "cuda"   ? fit::BackendChoice::cuda
+                      : config.fit.backend == "auto" ? fit::BackendChoice::automatic
+                                                     : fit::BackendChoice::cpu;
   estimator.seed = static_cast<std::uint64_t>(config.fit.seed);
   std::vector<hal::CameraDescription> descriptions;
   for (const auto& camera : cameras) descriptions.push_back(camera->description());

@@ -25,6 +25,14 @@ struct MemoryItem {
   std::size_t bytes = 0;
 };
 
+/// What computes the fit; a copy, taken at one moment.
+struct BackendStatus {
+  std::string name = "cpu";
+  std::string problem;        ///< why a device that was asked for does not compute; empty when it does, or none was asked for
+  std::uint64_t losses = 0;   ///< times that the device failed in mid-run
+  std::uint64_t changes = 0;  ///< times that the work went from one to the other
+};
+
 /// One thread calls at a time. step() allocates nothing and throws nothing.
 class FrameFitter {
  public:
@@ -36,6 +44,8 @@ class FrameFitter {
   /// Why the last step() saw nobody, as a constant sentence; empty when somebody was there.
   virtual const char* remark() const = 0;
   virtual std::vector<MemoryItem> memory_plan() const = 0;
+  /// From any thread.
+  virtual BackendStatus backend() const { return {}; }
 };
 
 }  // namespace booth::daemon

@@ -78,6 +78,7 @@ void Controller::loop() {
     take_requests();
     take_frames();
     watch_cameras();
+    watch_backend();
     const hal::MonotonicTime now = clock_.now();
     if (files_done_.exchange(false)) {
       finisher_.join();
@@ -154,6 +155,19 @@ void Controller::watch_cameras() {
     body_known_ = machine_.body_known();
   }
   if (machine_.running() && pipeline_->all_ended()) apply(machine_.handle(SessionEvent::sources_ended, clock_.now()), "sources_ended", "cameras");
+}
+
+void Controller::watch_backend() {
+  BackendStatus now = fitter_->backend();
+  // Said when the work changes hands, and at the start; a device that is tried again and again in vain is no news.
+  const bool first = backend_said_.name != now.name && !now.problem.empty() && backend_said_.changes == now.changes;
+  if (now.changes != backend_said_.changes || first) {
+    const bool bad = !now.problem.empty();
+    const std::string text = fmt::format("the fit is computed by {}{}{}", now.name, bad ? ": " : "", now.problem);
+    log_line(bad ? LogLevel::warning : LogLevel::info, text);
+    say_event(bad ? "fault" : "state", "fit", text);
+  }
+  backend_said_ = std::move(now);
 }
 
 void Controller::apply(const SessionOutcome& outcome, const std::string& cause, const std::string& source) {
@@ -323,6 +337,7 @@ DaemonStatus Controller::status() const {
     out.dds_failures = dds_->failures();
     out.dds_problem = dds_->last_failure();
   }
+  if (fitter_) out.backend = fitter_->backend();
   const std::lock_guard lock(shared_mutex_);
   out.paused = paused_;
   out.latched = latched_;

@@ -56,6 +56,7 @@ struct DaemonStatus {
   FrameRecord last;  ///< the last fitted frame of this session
   bool last_known = false;
   std::optional<SessionSummary> last_summary;  ///< of the last session that was finished
+  BackendStatus backend;
   std::uint64_t dds_failures = 0;
   std::string dds_problem;
 };
@@ -98,6 +99,7 @@ class Controller final : public FrameSink {
   void take_requests();
   void take_frames();
   void watch_cameras();
+  void watch_backend();
   void apply(const SessionOutcome& outcome, const std::string& cause, const std::string& source);
   void begin_session();
   void end_session(const std::string& reason, const std::string& state_at_end);
@@ -129,6 +131,7 @@ class Controller final : public FrameSink {
   std::vector<CameraState> camera_states_;
   std::vector<std::string> camera_problems_;
   RepeatedLog camera_log_;  ///< one line for each cause; repetitions are counted
+  BackendStatus backend_said_;
   hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{};
   std::string status_key_;
   std::int64_t session_began_utc_ = 0;

@@ -13,8 +13,7 @@ namespace booth::fit {
 template <class L>
 BOOTH_HOST_DEVICE typename L::F rest_joint_coordinate(const EnergyView& m, const float* particle, std::int64_t stride, int j) {
   typename L::F sum = L::splat(m.joint[j]);
-  for (int k = 0; k < m.shape_count; ++k)
-    sum = sum + L::load(particle + (kParticleDofs + k) * stride) * m.joint[(1 + k) * (kPartJoints * 3) + j];
+  for (int k = 0; k < m.shape_count; ++k) sum = sum + L::load(particle + (kParticleDofs + k) * stride) * m.joint[(1 + k) * (kPartJoints * 3) + j];
   return sum;
 }
 
@@ -52,8 +51,7 @@ BOOTH_HOST_DEVICE typename L::F bone_term(const typename L::F* joint) {
 template <class L>
 BOOTH_HOST_DEVICE typename L::F pose_component_square(const EnergyView& m, const float* particle, std::int64_t stride, int c) {
   typename L::F along = L::splat(0.0f);
-  for (int a = 0; a < kParticleAngles; ++a)
-    along = along + (L::load(particle + (6 + a) * stride) - m.pose_mean[a]) * m.pose_component[c * kParticleAngles + a];
+  for (int a = 0; a < kParticleAngles; ++a) along = along + (L::load(particle + (6 + a) * stride) - m.pose_mean[a]) * m.pose_component[c * kParticleAngles + a];
   return along * along;
 }
 

@@ -31,11 +31,16 @@ enum class DeviceError : std::uint8_t {
 };
 constexpr const char* to_string(DeviceError e) {
   switch (e) {
-    case DeviceError::none: return "no error";
-    case DeviceError::absent: return "no device";
-    case DeviceError::out_of_memory: return "out of device memory";
-    case DeviceError::late: return "the device did not answer in time";
-    default: return "the device was lost";
+    case DeviceError::none:
+      return "no error";
+    case DeviceError::absent:
+      return "no device";
+    case DeviceError::out_of_memory:
+      return "out of device memory";
+    case DeviceError::late:
+      return "the device did not answer in time";
+    default:
+      return "the device was lost";
   }
 }
 

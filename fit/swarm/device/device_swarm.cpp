@@ -141,7 +141,8 @@ class Swarm final : public DeviceSwarm {
     return error_ == DeviceError::none;
   }
   void check(DeviceError e) const {
-    if (e != DeviceError::none) throw std::runtime_error("swarm on a device: " + std::string(to_string(e)) + (device_->problem().empty() ? "" : ": " + device_->problem()));
+    if (e != DeviceError::none)
+      throw std::runtime_error("swarm on a device: " + std::string(to_string(e)) + (device_->problem().empty() ? "" : ": " + device_->problem()));
   }
   template <class T>
   T* take(std::size_t count) {
@@ -192,8 +193,8 @@ class Swarm final : public DeviceSwarm {
 
   std::vector<Step> field_steps() const {
     const int many = 8 * device_->processors();
-    return {{ClearField(field_), many}, {CountPoints(field_), many}, {StartRows(field_), many}, {SortPoints(field_), many}, {DescribeBricks(field_), 2 * many},
-            {DescribeCells(field_), 2 * many}};
+    return {{ClearField(field_), many}, {CountPoints(field_), many},        {StartRows(field_), many},
+            {SortPoints(field_), many}, {DescribeBricks(field_), 2 * many}, {DescribeCells(field_), 2 * many}};
   }
 
   void take_model(const EnergyPack& pack) {

@@ -27,18 +27,18 @@ struct FieldFrame {
 
 /// Device memory of the field.
 struct FieldMemory {
-  const FieldFrame* frame;            ///< pinned
-  const float* cloud;                 ///< pinned: x of all points, then y, then z, `capacity` floats each
+  const FieldFrame* frame;  ///< pinned
+  const float* cloud;       ///< pinned: x of all points, then y, then z, `capacity` floats each
   std::int32_t capacity, max_bricks;
-  FieldFrame* local_frame;            ///< the device's own copy
+  FieldFrame* local_frame;  ///< the device's own copy
   FieldView* view;
-  std::int32_t *count, *next;          ///< per brick
-  std::int32_t* start;                 ///< per brick, and one more after each row of bricks: row r's begin at r (bricks[0] + 1)
-  std::int32_t* used;                  ///< places given to rows so far
-  std::int32_t* key;                  ///< per point
+  std::int32_t *count, *next;  ///< per brick
+  std::int32_t* start;         ///< per brick, and one more after each row of bricks: row r's begin at r (bricks[0] + 1)
+  std::int32_t* used;          ///< places given to rows so far
+  std::int32_t* key;           ///< per point
   Point *given, *sorted;
-  float* distance;                    ///< per brick: of the centre from the nearest point
-  std::int32_t *brick, *cell;         ///< brick b answers with cell 1 + b, or with the 64 from 1 + max_bricks + 64 b on; cell 0 has no point
+  float* distance;             ///< per brick: of the centre from the nearest point
+  std::int32_t *brick, *cell;  ///< brick b answers with cell 1 + b, or with the 64 from 1 + max_bricks + 64 b on; cell 0 has no point
 };
 
 /// What was there before.
@@ -66,7 +66,8 @@ struct ClearField : OneRound {
   BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared&, Private&) const {
     const int first = lane.block * kThreads + lane.thread;
     for (int b = first; b < m.max_bricks;  // all there are: asking the host how many matter would take longer
-          b += lane.blocks * kThreads) m.count[b] = 0;
+         b += lane.blocks * kThreads)
+      m.count[b] = 0;
     if (first != 0) return;
     const FieldFrame f = *m.frame;
     *m.local_frame = f;
@@ -210,7 +211,8 @@ BOOTH_HOST_DEVICE void search_rows(const FieldMemory& m, const FieldFrame& f, st
 
 BOOTH_HOST_DEVICE std::int32_t pack_point(const FieldFrame& f, const float* corner, const Nearest& n) {
   const float per_step = kBrick / (f.edge * f.step);
-  const std::int32_t x = static_cast<std::int32_t>(floorf((n.x - corner[0]) * per_step + 0.5f)), y = static_cast<std::int32_t>(floorf((n.y - corner[1]) * per_step + 0.5f)),
+  const std::int32_t x = static_cast<std::int32_t>(floorf((n.x - corner[0]) * per_step + 0.5f)),
+                     y = static_cast<std::int32_t>(floorf((n.y - corner[1]) * per_step + 0.5f)),
                      z = static_cast<std::int32_t>(floorf((n.z - corner[2]) * per_step + 0.5f));
   const auto fits = [](std::int32_t o) { return o >= -kOffsetLimit && o <= kOffsetLimit; };
   return fits(x) && fits(y) && fits(z) ? pack_offset(x, y, z) : kNoPoint;

@@ -65,13 +65,13 @@ struct SwarmAnswer {
 
 /// What the swarm takes from iteration to iteration; device memory. Two of most things: one launch reads what the launch before has written.
 struct SwarmState {
-  const SwarmFrame* frame;                    ///< the device's own copy
-  float *position, *velocity, *best;          ///< [particle][dimension]
-  float* best_cost;                           ///< [particle]
-  std::uint64_t* block_key[2];                ///< [block]: cost's bits and index of the block's best particle, in one number that compares like both
-  float* block_best[2];                       ///< [block][kMostDimensions]
-  float* global[2];                           ///< cost, then the vector
-  float* history;                             ///< [iteration]
+  const SwarmFrame* frame;            ///< the device's own copy
+  float *position, *velocity, *best;  ///< [particle][dimension]
+  float* best_cost;                   ///< [particle]
+  std::uint64_t* block_key[2];        ///< [block]: cost's bits and index of the block's best particle, in one number that compares like both
+  float* block_best[2];               ///< [block][kMostDimensions]
+  float* global[2];                   ///< cost, then the vector
+  float* history;                     ///< [iteration]
 };
 
 /// Copies a frame's settings from pinned memory, so that they cross the bus once; all at once, since each trip over it takes microseconds.

@@ -1,4 +1,5 @@
-// Task `gpu`: the swarm on a CUDA device by its own clock, kernel by kernel and size by size, beside the CPU's and the machine's floors; and that its bits are right.
+// Task `gpu`: the swarm on a CUDA device by its own clock, kernel by kernel and size by size, beside the CPU's and the machine's floors; and that its bits are
+// right.
 #include "tests/bench/gpu/gpu_bench.hpp"
 
 #include <fmt/format.h>
@@ -103,8 +104,15 @@ struct Bench {
     report.add({"whole frame, cloud handed over to answer (host clock)", "ms", 1e3 * seconds[1], reference, 1e3 * seconds[0]});
     report.add({"field and swarm (device clock)", "ms", device_ms(*swarm, swarm->program(0, true)), reference, 1e3 * seconds[0]});
     report.add({"swarm alone (device clock)", "ms", device_ms(*swarm, swarm->program(0, false))});
-    const char* steps[] = {"clear field, take frame's box", "count points (reads the cloud over the bus)", "start rows", "sort points", "describe bricks", "describe cells",
-                           "take the swarm's frame", "iteration 0", "iteration 1"};
+    const char* steps[] = {"clear field, take frame's box",
+                           "count points (reads the cloud over the bus)",
+                           "start rows",
+                           "sort points",
+                           "describe bricks",
+                           "describe cells",
+                           "take the swarm's frame",
+                           "iteration 0",
+                           "iteration 1"};
     for (int s = 0; s < 9; ++s) report.add({fmt::format("step by itself: {}", steps[s]), "ms", device_ms(*swarm, swarm->program(0, true), s)});
     report.add({"step by itself: answer", "ms", device_ms(*swarm, swarm->program(0, true), 7 + sizes.swarm.iterations)});
     const Answer ours = answer(*swarm, 1), theirs = answer(*cpu, 1);
@@ -136,7 +144,8 @@ void check_small(const Bench& bench, Report& report) {
   const fit::BodyModel* model = &bench.subject.model;
   for (int particles : {20, 1600}) {
     const fit::SwarmSizes sizes{.swarm = {.particles = particles, .iterations = 2}};
-    const auto swarm = make_swarm(bench.emulated, {&model, 1}, bench.subject.prior, sizes), emulation = make_swarm(true, {&model, 1}, bench.subject.prior, sizes);
+    const auto swarm = make_swarm(bench.emulated, {&model, 1}, bench.subject.prior, sizes),
+               emulation = make_swarm(true, {&model, 1}, bench.subject.prior, sizes);
     report.add({fmt::format("{} particles: other bits than the emulated device's", particles), "",
                 bench.answer(*swarm, 1) == bench.answer(*emulation, 1) ? 0.0 : 1.0});
   }

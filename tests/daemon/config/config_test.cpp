@@ -97,7 +97,7 @@ TEST(Config, RefusesWhatThisBuildCannotDo) {
     FAIL() << "accepted";
   } catch (const ConfigError& e) {
     EXPECT_FALSE(e.only_device_absent);
-    EXPECT_THAT(e.what(), HasSubstr("fit.backend: \"cuda\" is not in this build; allowed is \"cpu\""));
+    EXPECT_THAT(e.what(), HasSubstr("fit.backend: \"cuda\" is not in this build; allowed is one of \"auto\", \"cpu\""));
   }
   try {
     load_config({.file = {}, .assignments = {"dds.security=on"}});

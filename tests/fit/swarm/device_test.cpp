@@ -149,7 +149,7 @@ TEST(DeviceSwarm, BuildsAnExactField) {
     ASSERT_FALSE(outside && nearest < 0.29f);
     if (outside) continue;
     const float found = d.norm() * f.cell_size;
-    EXPECT_GT(found, nearest - 0.0015f);             // half a step of an offset along each axis
+    EXPECT_GT(found, nearest - 0.0015f);                      // half a step of an offset along each axis
     EXPECT_LT(found, nearest + 2.61f * 0.0125f * 2 + 0.06f);  // never worse than a far brick's answer
     error += static_cast<double>(found - nearest), ++count;
   }
