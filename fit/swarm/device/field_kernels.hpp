@@ -1,6 +1,8 @@
 // Builds the nearest-point field (fit/cloud/field_view.hpp) on a device: points sorted by brick, then exact searches that every brick and cell does by itself.
 #pragma once
 
+#include <math.h>
+
 #include <cstdint>
 
 #include "fit/cloud/field_view.hpp"
@@ -187,7 +189,9 @@ BOOTH_HOST_DEVICE void search_row(const FieldMemory& m, const FieldFrame& f, std
     const std::int32_t i = static_cast<std::int32_t>((x - f.origin[0]) / f.edge);
     return i < 0 ? 0 : i > f.bricks[0] - 1 ? f.bricks[0] - 1 : i;
   };
-  for (std::int32_t e = start[layer(place[0] - reach)] + from, end = start[layer(place[0] + reach) + 1]; e < end; e += kStep)
+  // Whose turn a point is goes by its place among all points: the reaches, and so the beginnings, of those who share them differ.
+  const std::int32_t begin = start[layer(place[0] - reach)];
+  for (std::int32_t e = begin + (from + kStep - begin % kStep) % kStep, end = start[layer(place[0] + reach) + 1]; e < end; e += kStep)
     best.offer(m.sorted[e], place[0], place[1], place[2]);
 }
 

@@ -157,6 +157,32 @@ TEST(DeviceSwarm, BuildsAnExactField) {
   EXPECT_LT(error / count, 0.0015);
 }
 
+/// Every brick's entry and every cell that answers, in their order.
+std::vector<std::int32_t> field_values(const Scene& scene, Order order) {
+  Faults faults;
+  faults.order = order;
+  const auto swarm = scene.make(faults);
+  ParticleTerms terms{};
+  EXPECT_TRUE(swarm->set_cloud(scene.observation.cloud) && swarm->evaluate(0, scene.centre, terms));
+  const FieldView& f = *swarm->field();
+  std::vector<std::int32_t> out;
+  const int layer = f.brick_strides >> 16, bricks = layer * static_cast<int>((f.last[2] + 0.5f) / kBrick);
+  for (int b = 0; b < bricks; ++b) {
+    out.push_back(f.brick[b]);
+    for (int c = 0; c < (f.brick[b] < 0 ? 1 : kBrickCells); ++c) out.push_back(f.cell[(f.brick[b] < 0 ? ~f.brick[b] : f.brick[b]) + c]);
+  }
+  return out;
+}
+
+TEST(DeviceSwarm, BuildsTheSameFieldInAnyOrder) {
+  const Scene scene;
+  const auto a = field_values(scene, Order::forwards), b = field_values(scene, Order::backwards);
+  ASSERT_EQ(a.size(), b.size());
+  int different = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) different += a[i] != b[i];
+  EXPECT_EQ(different, 0) << "of " << a.size();
+}
+
 TEST(DeviceSwarm, TakesCloudsThatHoldNothing) {
   const Scene scene;
   Faults faults;
