@@ -20,7 +20,7 @@ std::string library_of(const std::string& header) {
     const char* header;
     const char* library;
   };
-  static constexpr std::array<Prefix, 22> prefixes{{{"Eigen/", "Eigen"},
+  static constexpr std::array<Prefix, 23> prefixes{{{"Eigen/", "Eigen"},
                                                     {"flann/", "FLANN"},
                                                     {"libusb-1.0/", "libusb"},
                                                     {"gpiod.h", "libgpiod"},
@@ -41,7 +41,8 @@ std::string library_of(const std::string& header) {
                                                     {"gmock/", "GoogleTest"},
                                                     {"rapidcheck", "RapidCheck"},
                                                     {"benchmark/", "Google Benchmark"},
-                                                    {"seccomp.h", "libseccomp"}}};
+                                                    {"seccomp.h", "libseccomp"},
+                                                    {"cuda_runtime.h", "CUDA"}}};
   for (const Prefix& p : prefixes)
     if (starts_with(header, p.header)) return p.library;
   static const std::set<std::string> compiler{"immintrin.h", "arm_neon.h"};
@@ -66,6 +67,7 @@ const std::vector<Rule>& rules() {
   static const std::vector<Rule> all{
       {"hal/", {"hal"}, {"std"}},
       {"fit/", {"fit"}, {"std", "compiler", "Eigen", "FLANN"}},
+      {"fit/swarm/device/", {"fit"}, {"std", "compiler", "Eigen", "CUDA"}},
       {"drivers/", {"hal", "drivers"}, {"std", "POSIX", "compiler", "libusb", "libgpiod"}},
       {"drivers/synthetic/", {"hal", "drivers", "fit"}, {"std", "POSIX", "compiler", "Eigen"}},
       {"drivers/kinect2/emulator/", {"hal", "drivers", "fit"}, {"std", "POSIX", "compiler", "Eigen"}},
