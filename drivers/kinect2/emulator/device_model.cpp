@@ -201,6 +201,10 @@ void DeviceModel::command(std::span<const std::byte> packet) {
 }
 
 void DeviceModel::render(hal::MonotonicTime at, std::uint64_t frame, std::span<std::byte> images) {
+  if (!loop_.empty()) {
+    std::memcpy(images.data(), loop_[frame % loop_.size()].data(), kFrameBytes);
+    return;
+  }
   if (!still_.empty()) {
     std::copy(still_.begin(), still_.end(), images.begin());
     return;
@@ -208,6 +212,13 @@ void DeviceModel::render(hal::MonotonicTime at, std::uint64_t frame, std::span<s
   settings_.view(at, depth_, brightness_);
   forward_.encode(depth_, brightness_, settings_.noise_counts, settings_.seed * 0x1000'0000 + frame, images);
   if (settings_.still) still_.assign(images.begin(), images.end());
+}
+
+void DeviceModel::prepare_loop(hal::MonotonicTime at) {
+  if (!loop_.empty()) return;
+  std::vector<Bytes> frames;
+  for (int i = 0; i < settings_.loop_frames; ++i) render(at + i * frame_period(), static_cast<std::uint64_t>(i), frames.emplace_back(kFrameBytes));
+  loop_ = std::move(frames);
 }
 
 void InfraredSource::send_frame(hal::MonotonicTime at, const std::function<bool(Status, std::span<const std::byte>)>& send) {

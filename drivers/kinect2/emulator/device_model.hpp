@@ -38,6 +38,8 @@ class DeviceModel {
   hal::Nanoseconds frame_period() const { return hal::from_seconds(1.0 / settings_.rate); }
   /// The ten packed images of what is seen at an instant.
   void render(hal::MonotonicTime at, std::uint64_t frame, std::span<std::byte> images);
+  /// Renders the frames that are played in turn, where settings().loop_frames asks for it; else does nothing.
+  void prepare_loop(hal::MonotonicTime at);
   std::uint32_t last_transaction() const { return last_transaction_; }
 
  private:
@@ -49,6 +51,7 @@ class DeviceModel {
   const ForwardModel forward_;
   std::vector<float> depth_, brightness_;
   std::vector<std::byte> still_;  ///< the one frame of a device with a still view
+  std::vector<std::vector<std::byte>> loop_;
   FaultPlan faults_;
   mutable std::mutex mutex_;
   std::vector<std::string> log_;

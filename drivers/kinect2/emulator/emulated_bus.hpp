@@ -30,6 +30,7 @@ struct EmulatedDeviceSettings {
   bool stepped = false;  ///< frames are sent one at a time by EmulatedBus::step() and their times are as if `rate` were kept: for tests without a clock
   usb::Speed speed = usb::Speed::super;
   std::size_t bytes_per_interval = kPacketBytes;  ///< what its descriptor reserves for the infrared stream
+  int loop_frames = 0;  ///< so many frames are rendered once and then played in turn, for a machine that cannot render as fast; 0: each as it comes
   View view;
 };
 
