@@ -2,6 +2,9 @@
 #include "drivers/usb/libusb_bus.hpp"
 
 #include <libusb-1.0/libusb.h>
+#include <linux/usbdevice_fs.h>
+#include <poll.h>
+#include <sys/ioctl.h>
 
 #include <algorithm>
 #include <array>
@@ -45,7 +48,7 @@ class LibusbDevice final : public Device {
   }
   void release(int interface) noexcept override { (void)libusb_release_interface(handle_->handle, interface); }
   void set_alternate(int interface, int alternate) override {
-    auto result = with_errno([&] { return libusb_set_interface_alt_setting(handle_->handle, interface, alternate); });
+    auto result = choose(interface, alternate);
     // xHCI refuses a reservation with ENOSPC (bandwidth) or ENOMEM (its own tables are full); both mean one camera too many on this controller.
     if (result.second == ENOMEM) result.second = ENOSPC;
     check(result, "choosing alternate setting " + std::to_string(alternate) + " of interface " + std::to_string(interface));
@@ -81,18 +84,37 @@ class LibusbDevice final : public Device {
   std::unique_ptr<Stream> open_stream(const StreamSettings& settings, StreamSink& sink) override { return open_libusb_stream(handle_, settings, sink, name()); }
 
  private:
+  std::pair<int, int> choose(int interface, int alternate) const;
   std::string name() const { return "USB device " + info_.serial + " at port " + info_.path; }
   void check(std::pair<int, int> result, const std::string& what) const {
     if (result.first != LIBUSB_SUCCESS) fail(result.first, result.second, name() + ": " + what);
   }
   TransferResult bulk(std::uint8_t endpoint, unsigned char* data, std::size_t size, hal::Nanoseconds timeout) {
     const auto done = exchange_bulk(handle_, endpoint, {data, size}, timeout);
+    // The kernel's limit of memory for USB is no news of the transfer: without its name nobody would find the remedy.
+    if (done.code == LIBUSB_ERROR_NO_MEM) fail(done.code, done.system_error, name() + ": a transfer of " + std::to_string(size) + " bytes");
     return {done.status, done.bytes};
   }
 
   const std::shared_ptr<Handle> handle_;
   const DeviceInfo info_;
 };
+
+/// Asks the kernel itself. libusb_set_interface_alt_setting of libusb 1.0.26 (Debian 12's) unlocks the handle's mutex without having locked it when the device
+/// has left the bus, and libusb_close then aborts the process. The device's file is the only one of its context that is polled for writing; libusb takes it
+/// out when the device is gone.
+std::pair<int, int> LibusbDevice::choose(int interface, int alternate) const {
+  int file = -1;
+  const libusb_pollfd** polled = libusb_get_pollfds(handle_->context->get());
+  for (const libusb_pollfd** p = polled; p != nullptr && *p != nullptr; ++p)
+    if (((*p)->events & POLLOUT) != 0) file = (*p)->fd;
+  libusb_free_pollfds(polled);
+  if (file < 0) return {LIBUSB_ERROR_NO_DEVICE, ENODEV};
+  usbdevfs_setinterface request{.interface = static_cast<unsigned>(interface), .altsetting = static_cast<unsigned>(alternate)};
+  if (::ioctl(file, USBDEVFS_SETINTERFACE, &request) == 0) return {LIBUSB_SUCCESS, 0};
+  const int error = errno;
+  return {error == EINVAL ? LIBUSB_ERROR_NOT_FOUND : error == ENODEV || error == ESHUTDOWN ? LIBUSB_ERROR_NO_DEVICE : LIBUSB_ERROR_OTHER, error};
+}
 
 std::size_t LibusbDevice::bytes_per_interval(int interface, int alternate, std::uint8_t endpoint) {
   libusb_config_descriptor* config = nullptr;
