@@ -1,4 +1,4 @@
-// Requests in, replies and packets out; the stream keeps to 8000 packets in a second unless the host is slower.
+// Requests in, replies and packets out; the stream keeps to its packets in a second (8000 on a real bus) unless the host is slower.
 #include "drivers/kinect2/emulator/usbip_device.hpp"
 
 #include <poll.h>
@@ -19,7 +19,6 @@ namespace {
 using namespace std::chrono_literals;
 using usb::Status;
 
-constexpr auto kPacketTime = 125us;
 /// A device that was held up makes up for so much; beyond that it is slower for good.
 constexpr auto kCatchUp = 20ms;
 /// Control and command requests with data out are short.
@@ -42,8 +41,9 @@ std::int32_t code_of(Status status) {
 
 }  // namespace
 
-UsbipDevice::UsbipDevice(std::shared_ptr<DeviceModel> model, Identity identity, std::uint32_t device_id, int socket, std::shared_ptr<hal::Clock> clock)
-    : model_(std::move(model)), clock_(std::move(clock)), id_(device_id), socket_(socket), control_(*model_, std::move(identity)) {
+UsbipDevice::UsbipDevice(std::shared_ptr<DeviceModel> model, Identity identity, std::uint32_t device_id, int socket, std::shared_ptr<hal::Clock> clock,
+                         hal::Nanoseconds packet_time)
+    : model_(std::move(model)), clock_(std::move(clock)), packet_time_(packet_time), id_(device_id), socket_(socket), control_(*model_, std::move(identity)) {
   requests_thread_ = std::thread([this] { answer_requests(); });
   stream_thread_ = std::thread([this] { stream(); });
 }
@@ -275,7 +275,7 @@ bool UsbipDevice::put(Status status, std::span<const std::byte> data) {
     payload_.insert(payload_.end(), data.begin(), data.end());
     packets_sent_ += !data.empty();
   }
-  slot_ += kPacketTime;
+  slot_ += packet_time_;
   if (++filled_ == packets_.size()) end_transfer();
   return !ended_;
 }

@@ -24,7 +24,8 @@ namespace booth::drivers::kinect2::emulator {
 class UsbipDevice {
  public:
   /// Takes the socket. `device_id` is the one that was told to the other side.
-  UsbipDevice(std::shared_ptr<DeviceModel> model, Identity identity, std::uint32_t device_id, int socket, std::shared_ptr<hal::Clock> clock);
+  UsbipDevice(std::shared_ptr<DeviceModel> model, Identity identity, std::uint32_t device_id, int socket, std::shared_ptr<hal::Clock> clock,
+              hal::Nanoseconds packet_time);
   ~UsbipDevice();
   UsbipDevice(const UsbipDevice&) = delete;
 
@@ -63,6 +64,7 @@ class UsbipDevice {
 
   const std::shared_ptr<DeviceModel> model_;
   const std::shared_ptr<hal::Clock> clock_;
+  const hal::Nanoseconds packet_time_;
   const std::uint32_t id_;
   const int socket_;
   ControlEndpoint control_;

@@ -143,7 +143,7 @@ class Box final : public VhciBox {
     slot.model->bus_reset();
     const Identity identity{
         .serial = slot.settings.device.serial, .high_speed = slot.settings.high_speed, .bytes_per_interval = slot.settings.bytes_per_interval};
-    slot.device = std::make_unique<UsbipDevice>(slot.model, identity, id, ends[0], clock_);
+    slot.device = std::make_unique<UsbipDevice>(slot.model, identity, id, ends[0], clock_, slot.settings.packet_time);
     slot.port = port;
     try {
       write_file(kController + "attach", std::to_string(port) + " " + std::to_string(ends[1]) + " " + std::to_string(id) + " " +

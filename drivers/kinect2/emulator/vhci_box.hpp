@@ -16,6 +16,9 @@ struct VhciDeviceSettings {
   EmulatedDeviceSettings device;
   bool high_speed = false;
   std::uint16_t bytes_per_interval = 33'792;
+  /// Between two packets. A guest with one processor is busy with 2,000 transfers a second and nothing else: longer intervals leave it time, and the stream is
+  /// the same but for empty packets.
+  hal::Nanoseconds packet_time = std::chrono::microseconds(125);
 };
 
 /// Needs the right to write to /sys/devices/platform/vhci_hcd.0. Plugs and faults may come at any time from any thread. A device that is told to reboot comes
