@@ -1,9 +1,14 @@
 // The functions themselves, small enough to be believed.
 #include "tests/drivers/usb/fake_libusb.hpp"
 
+#include <poll.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cstdarg>
 #include <cstring>
 #include <memory>
 #include <new>
@@ -17,6 +22,8 @@ struct libusb_device {
 struct libusb_device_handle {
   libusb_context* context;
 };
+
+static constexpr int kEventsFile = 1'000'000, kDeviceFile = 1'000'001;  // no such files
 
 namespace booth::tests {
 namespace {
@@ -134,9 +141,24 @@ int LIBUSB_CALL libusb_get_configuration(libusb_device_handle*, int* out) {
 int LIBUSB_CALL libusb_set_configuration(libusb_device_handle*, int) { return LIBUSB_SUCCESS; }
 int LIBUSB_CALL libusb_claim_interface(libusb_device_handle*, int) { return LIBUSB_SUCCESS; }
 int LIBUSB_CALL libusb_release_interface(libusb_device_handle*, int) { return LIBUSB_SUCCESS; }
-int LIBUSB_CALL libusb_set_interface_alt_setting(libusb_device_handle*, int, int) {
+/// The device's file, as libusb polls it: the only one that is polled for writing.
+const libusb_pollfd** libusb_get_pollfds(libusb_context*) {
+  static const libusb_pollfd events{kEventsFile, POLLIN}, device{kDeviceFile, POLLOUT};
+  static const libusb_pollfd* both[]{&events, &device, nullptr};
+  return both;
+}
+void libusb_free_pollfds(const libusb_pollfd**) {}
+
+/// The kernel's answer on that file; every other file is the kernel's own affair.
+int ioctl(int file, unsigned long request, ...) noexcept {
+  va_list rest;
+  va_start(rest, request);
+  void* argument = va_arg(rest, void*);
+  va_end(rest);
+  if (file != kDeviceFile) return static_cast<int>(::syscall(SYS_ioctl, file, request, argument));
+  ++fake_libusb().alternates_chosen;
   errno = fake_libusb().alternate_errno;
-  return fake_libusb().alternate_code;
+  return errno == 0 ? 0 : -1;
 }
 int LIBUSB_CALL libusb_reset_device(libusb_device_handle*) { return LIBUSB_ERROR_NOT_FOUND; }
 

@@ -22,7 +22,7 @@ struct FakeLibusb {
   bool cancel_answers = true;  ///< a cancelled transfer calls back
   bool kernel_memory = true;   ///< libusb_dev_mem_alloc works
   bool hotplug = true;
-  int alternate_code = 0, alternate_errno = 0;
+  int alternate_errno = 0, alternates_chosen = 0;
   int active_configuration = 1;
   int events_code = 0;  ///< what handling events returns when there is nothing
 
