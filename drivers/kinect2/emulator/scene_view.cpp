@@ -15,10 +15,9 @@ constexpr float kBrightness = 20000.0f, kDarkest = 400.0f, kBrightest = 20000.0f
 
 }  // namespace
 
-EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<drivers::Person> persons, double rate, std::shared_ptr<hal::Clock> clock,
-                                  bool stepped) {
+EmulatedSensors make_emulated_sensors(drivers::SceneSettings settings, std::vector<drivers::Person> persons, double rate, std::shared_ptr<hal::Clock> clock) {
   if (settings.cameras.empty()) settings.cameras = camera_ring();
-  EmulatedScene scene;
+  EmulatedSensors scene;
   for (std::size_t i = 0; i < settings.cameras.size(); ++i) {
     auto& camera = settings.cameras[i];
     if (camera.intrinsics.width != kWidth || camera.intrinsics.height != kHeight)
@@ -27,7 +26,6 @@ EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<d
     camera.serial = "00000000000" + std::to_string(i + 1);
   }
   scene.cameras = settings.cameras;
-  scene.bus = make_emulated_bus(clock);
   // Noise is the renderer's: the scene's setting stands for the whole sensor.
   const std::uint64_t seed = settings.seed;
   SceneViews views = make_scene_views(std::move(settings), std::move(persons), std::move(clock));
@@ -50,13 +48,27 @@ EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<d
           infrared[to] = z > 0 ? std::clamp(kBrightness / (metres * metres), kDarkest, kBrightest) : 0.0f;
         }
     };
-    scene.bus->add({.serial = scene.cameras[i].serial,
-                    .rate = rate,
-                    .seed = seed + i,
-                    .camera = mirrored_parameters(scene.cameras[i].intrinsics),
-                    .stepped = stepped,
-                    .view = std::move(view)});
+    scene.devices.push_back({.serial = scene.cameras[i].serial,
+                             .rate = rate,
+                             .seed = seed + i,
+                             .camera = mirrored_parameters(scene.cameras[i].intrinsics),
+                             .view = std::move(view)});
   }
+  return scene;
+}
+
+EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<drivers::Person> persons, double rate, std::shared_ptr<hal::Clock> clock,
+                                  bool stepped) {
+  EmulatedScene scene;
+  scene.bus = make_emulated_bus(clock);
+  EmulatedSensors sensors = make_emulated_sensors(std::move(settings), std::move(persons), rate, std::move(clock));
+  for (auto& device : sensors.devices) {
+    device.stepped = stepped;
+    scene.bus->add(std::move(device));
+  }
+  scene.cameras = std::move(sensors.cameras);
+  scene.truth = std::move(sensors.truth);
+  scene.background = std::move(sensors.background);
   return scene;
 }
 

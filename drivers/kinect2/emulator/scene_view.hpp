@@ -9,6 +9,18 @@
 
 namespace booth::drivers::kinect2::emulator {
 
+/// What the sensors of a scene are, whatever bus they are plugged into: device i stands at place i.
+struct EmulatedSensors {
+  std::vector<EmulatedDeviceSettings> devices;
+  std::vector<hal::CameraDescription> cameras;  ///< with the serials of the devices
+  std::shared_ptr<const hal::GroundTruth> truth;
+  std::vector<hal::DepthFrame> background;
+};
+
+/// One sensor for each camera of the scene (empty: the ring of four), each with the lens that the camera is said to have. Scene time begins now.
+/// Throws std::invalid_argument where a camera has not the sensor's 512 x 424 pixels.
+EmulatedSensors make_emulated_sensors(drivers::SceneSettings settings, std::vector<drivers::Person> persons, double rate, std::shared_ptr<hal::Clock> clock);
+
 struct EmulatedScene {
   std::shared_ptr<EmulatedBus> bus;
   std::vector<hal::CameraDescription> cameras;  ///< with the serials of the emulated devices, device i of the bus at place i
@@ -16,7 +28,7 @@ struct EmulatedScene {
   std::vector<hal::DepthFrame> background;
 };
 
-/// One device for each camera of the scene (empty: the ring of four), each with the lens that the camera is said to have. Scene time begins now.
+/// make_emulated_sensors() plugged into an emulated bus of the process.
 /// `stepped`: frames are sent by the bus's step(), in scene time from Timeline::kFastOrigin on.
 EmulatedScene make_emulated_scene(drivers::SceneSettings settings, std::vector<drivers::Person> persons, double rate, std::shared_ptr<hal::Clock> clock,
                                   bool stepped = false);
