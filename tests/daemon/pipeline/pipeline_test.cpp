@@ -72,6 +72,32 @@ TEST_F(LiveBooth, ASlowFitDropsGroupsAndSaysSo) {
   for (const auto& f : sink.taken()) EXPECT_LT(f.stage_ns[static_cast<std::size_t>(Stage::wait)], 100'000'000) << "it is the newest that is fitted";
 }
 
+// However long the fit stands still: what it gets next is the newest there is, each group in between is counted, and no slot is lost on the way (a lost one
+// would end the third standstill early).
+TEST_F(LiveBooth, AfterAStandstillTheNewestGroupIsNext) {
+  build(4);
+  Pipeline pipeline({.minimum_cameras = 2, .synchroniser = {}}, cameras, clock, fitter, sink);
+  pipeline.activate();
+  ASSERT_TRUE(eventually([&] { return sink.taken().size() >= 3; }));
+  for (int standstill = 0; standstill < 3; ++standstill) {
+    fitter.held = true;
+    ASSERT_TRUE(eventually([&] { return fitter.holding.load(); }));
+    const PipelineCounters before = pipeline.counters();
+    ASSERT_TRUE(eventually([&] { return pipeline.counters().groups >= before.groups + 30; })) << "the cameras and the synchroniser go on";
+    const std::size_t known = sink.taken().size();
+    const PipelineCounters after = pipeline.counters();
+    EXPECT_GE(after.groups_dropped - before.groups_dropped, 29u) << "of 30 groups one waits, the others are overtaken and counted";
+    fitter.holding = false;
+    fitter.held = false;
+    ASSERT_TRUE(eventually([&] { return sink.taken().size() >= known + 2; }));
+    const auto frames = sink.taken();
+    // frames[known] is the one that was held; the next is what had been waiting.
+    const auto next = hal::MonotonicTime(hal::Nanoseconds(frames[known + 1].captured_ns));
+    EXPECT_LT(frames[known].captured_ns, frames[known + 1].captured_ns);
+    EXPECT_GT(next, hal::MonotonicTime(hal::Nanoseconds(frames[known].captured_ns)) + 29 * 33ms) << "none of the overtaken ones is fitted";
+  }
+}
+
 TEST_F(LiveBooth, ALostCameraComesBackAndTheOthersGoOn) {
   build(3);
   Pipeline pipeline({.minimum_cameras = 2, .synchroniser = {}}, cameras, clock, fitter, sink);

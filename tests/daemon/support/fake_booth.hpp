@@ -78,6 +78,7 @@ class FakeFitter final : public daemon::FrameFitter {
   void reset() override { ++resets; }
   void step(const daemon::FitInput& input, daemon::FrameRecord& out) override {
     if (busy.count() > 0) std::this_thread::sleep_for(busy);
+    for (; held; std::this_thread::sleep_for(std::chrono::milliseconds(1))) holding = true;
     out.person = there ? (input.frame == 0 ? daemon::PersonState::estimated : daemon::PersonState::tracked) : daemon::PersonState::lost;
     out.body_accepted = there && input.frame >= accept_at;
     out.q[0] = static_cast<double>(input.frame);
@@ -88,6 +89,8 @@ class FakeFitter final : public daemon::FrameFitter {
   std::vector<daemon::MemoryItem> memory_plan() const override { return {{"nothing", 0}}; }
 
   std::chrono::milliseconds busy{0};
+  std::atomic<bool> held{false};     ///< step() does not return before this is false again ...
+  std::atomic<bool> holding{false};  ///< ... and says here that it waits
   std::atomic<bool> there{true};
   std::uint64_t accept_at = 3;
   std::atomic<int> resets{0}, steps{0};
