@@ -76,6 +76,7 @@ void add_bench_verb(CLI::App& app) {
   for (const Task task :
        {Task{"decode", "Kinect v2 depth decoder, each kernel against the scalar reference"},
         Task{"track", "Preset booth: a tracked frame and a first estimate on one core, and their errors"},
+        Task{"fit", "Presets booth and paper against pagmo, nlopt and Ceres: error against time"},
         Task{"pipeline", "Four cameras from memory through the live pipeline to DDS: latency by stage, losses"},
         Task{"field", "Nearest points: our field against kd-trees and brute force"}, Task{"swarm", "Preset paper: frames per second by kernel and threads"},
         Task{"gpu", "Preset paper's swarm on a CUDA device: times by kernel and size, its bits, error against budget"}}) {

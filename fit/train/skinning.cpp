@@ -56,7 +56,7 @@ void transfer_skinning(const BaseBody& base, const TemplateMesh& mesh, BodyModel
   const Eigen::Index count = mesh.vertex_count();
   Eigen::MatrixXd on_base = Eigen::MatrixXd::Zero(kBones, base.skin_vertices);
   for (const auto& [name, entries] : base.weights) {
-    const Rule& rule = *std::find_if(kRules.begin(), kRules.end(), [&](const Rule& r) { return name.starts_with(r.prefix); });
+    const Rule& rule = *std::find_if(kRules.begin(), kRules.end(), [&group = name](const Rule& r) { return group.starts_with(r.prefix); });
     const bool left = name.ends_with(".L");
     for (const auto& [v, w] : entries) {
       if (v >= base.skin_vertices) continue;
