@@ -103,6 +103,9 @@ TEST(Reference, EveryPackageThatTheBuildLooksForIsInTheList) {
                                                                 {"rapidcheck", "librapidcheck-dev"},
                                                                 {"FLANN", "libflann-dev"},
                                                                 {"Threads", "build-essential"},
+                                                                {"Pagmo", "libpagmo-dev"},
+                                                                {"NLOPT", "libnlopt-cxx-dev"},
+                                                                {"Ceres", "libceres-dev"},
                                                                 {"flann", "libflann-dev"}};
   std::istringstream names(found.output);
   for (std::string line; std::getline(names, line);) {
