@@ -1,6 +1,10 @@
 // Tables and work space of the kernels, and the choice among them.
 #include "drivers/kinect2/decoder.hpp"
 
+#if defined(__x86_64__)
+#include <cpuid.h>
+#endif
+
 #include <array>
 #include <cmath>
 #include <list>
@@ -96,6 +100,14 @@ class KernelDecoder final : public Decoder {
   KernelWork work_{};
 };
 
+#if defined(__x86_64__)
+/// Clang 14's __builtin_cpu_supports does not know this one.
+bool has_f16c() {
+  unsigned a = 0, b = 0, c = 0, d = 0;
+  return __get_cpuid(1, &a, &b, &c, &d) != 0 && (c & bit_F16C) != 0;
+}
+#endif
+
 bool has(Kernel kernel) {
   switch (kernel) {
     case Kernel::reference:
@@ -103,7 +115,7 @@ bool has(Kernel kernel) {
       return true;
 #if defined(__x86_64__)
     case Kernel::avx2:
-      return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("f16c");
+      return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && has_f16c();
     case Kernel::avx512:
       return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
              __builtin_cpu_supports("avx512vl");
