@@ -36,9 +36,9 @@ BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerP
   middle_schedule_ = {.cloud_samples = 800, .model_samples = 300, .shape = true, .stages = {{12, 0.08f, 0.20f}}};
   limb_schedule_ = {.cloud_samples = 600, .model_samples = 200, .shape = false, .stages = {{4, 0.10f, 0.25f}, {3, 0.04f, 0.12f}}};
   start_schedule_ = {.cloud_samples = 2000, .model_samples = 700, .shape = true, .stages = {{10, 0.05f, 0.15f}, {10, 0.025f, 0.10f}}};
-  first_track_schedule_ = {.cloud_samples = 1500, .model_samples = 500, .shape = true, .stages = {{3, 0.05f, 0.15f}, {5, 0.025f, 0.10f}}};
-  track_schedule_ = first_track_schedule_;
-  track_schedule_.shape = false;
+  thorough_track_schedule_ = {.cloud_samples = 1500, .model_samples = 500, .shape = true, .stages = {{3, 0.05f, 0.15f}, {5, 0.025f, 0.10f}}};
+  // Near the solution one robust scale and half the steps come to the same place: see docs/design/performance-pipeline.md.
+  track_schedule_ = {.cloud_samples = 1500, .model_samples = 500, .shape = false, .stages = {{5, 0.03f, 0.12f}}};
   const auto identity = [](int n) {
     ShapeBelief b;
     b.mean = ShapeVector::Zero(n);
@@ -248,10 +248,13 @@ Solution BoothFitter::track(const Observation& observation) {
   }
 
   const bool learn = !shape_settled() || tracked_frames_ % 10 == 0;
-  RefineSchedule& schedule = learn ? first_track_schedule_ : track_schedule_;
-  schedule.model_to_cloud = observation.views.empty();
   const Vertices* velocity = moving ? &vertex_velocity_ : nullptr;
-  refine_fine(observation, schedule, belief, velocity, s);
+  RefineSchedule& schedule = thorough_track_schedule_;
+  schedule.shape = track_schedule_.shape = learn;
+  schedule.model_to_cloud = track_schedule_.model_to_cloud = observation.views.empty();
+  const bool quick = shape_settled() && tracked_frames_ > 0;
+  refine_fine(observation, quick ? track_schedule_ : schedule, belief, velocity, s);
+  if (quick && !convincing(s.report)) refine_fine(observation, schedule, belief, velocity, s);  // where the prediction was far off
   if (convincing(s.report)) {
     doubtful_since_ = observation.time;
   } else {

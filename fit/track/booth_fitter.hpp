@@ -63,7 +63,7 @@ class BoothFitter {
   RefineWeights weights_;
   StartSearch search_;
   Refiner coarse_, fine_;
-  RefineSchedule coarse_schedule_, limb_schedule_, middle_schedule_, start_schedule_, first_track_schedule_, track_schedule_;
+  RefineSchedule coarse_schedule_, limb_schedule_, middle_schedule_, start_schedule_, thorough_track_schedule_, track_schedule_;
 
   // What is remembered of the person.
   PoseVector q_ = PoseVector::Zero(), velocity_ = PoseVector::Zero();
