@@ -115,6 +115,12 @@ Solution BoothFitter::start(const Observation& observation) {
     last_is_best = first == 0 || s.report.energy < best.report.energy;
     if (last_is_best) best = s, best_finalists = finalists_, best_count = finalist_count_;
     if (convincing(best.report)) break;
+    if (!last_is_best) continue;
+    // Often it is one limb that ended in the wrong place: cheaper to try than another batch.
+    const RefineReport before = best.report;
+    last_is_best = find_lost_limbs(observation, start_schedule_, nullptr, best);
+    if (best.report.evidence < before.evidence) best_finalists[0] = best.q;
+    if (convincing(best.report)) break;
   }
   finalists_ = best_finalists;
   finalist_count_ = best_count;
@@ -176,11 +182,10 @@ void BoothFitter::learn_shape(const Solution& solution) {
   ++shape_frames_;
 }
 
-void BoothFitter::find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity,
-                                  Solution& solution) {
+bool BoothFitter::find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const Vertices* velocity, Solution& solution) {
   std::array<PoseVector, StartSearch::kLimbs * StartSearch::kPerLimb> poses;
   const int count = search_.propose_limbs(observation, solution.beta, solution.q, poses);
-  if (count == 0) return;
+  if (count == 0) return true;
   // Each against the pose as it is, on equal terms: a short coarse refinement of both.
   limb_schedule_.model_to_cloud = observation.views.empty();
   const auto try_out = [&](PoseVector q) {
@@ -194,15 +199,13 @@ void BoothFitter::find_lost_limbs(const Observation& observation, const RefineSc
     const auto [evidence, q] = try_out(pose);
     if (evidence < best) best = evidence, best_q = q;
   }
-  if (best > kLimbGain * as_it_is) return;
+  if (best > kLimbGain * as_it_is) return true;
   Solution other = solution;
   other.q = best_q;
   refine_fine(observation, schedule, {best_q, PoseVector::Zero()}, velocity, other);
-  if (other.report.evidence < kLimbGain * solution.report.evidence) {
-    solution = other;
-  } else {
-    refine_fine(observation, schedule, belief, velocity, solution);  // the refiner has to stand at the solution again
-  }
+  if (other.report.evidence >= kLimbGain * solution.report.evidence) return false;
+  solution = other;
+  return true;
 }
 
 bool BoothFitter::start_afresh(const Observation& observation, Solution& solution) {
@@ -258,7 +261,7 @@ Solution BoothFitter::track(const Observation& observation) {
   if (convincing(s.report)) {
     doubtful_since_ = observation.time;
   } else {
-    find_lost_limbs(observation, schedule, belief, velocity, s);
+    if (!find_lost_limbs(observation, schedule, velocity, s)) refine_fine(observation, schedule, belief, velocity, s);
     if (observation.time - doubtful_since_ > kPatience) {
       doubtful_since_ = observation.time;
       if (start_afresh(observation, s)) return s;

@@ -52,7 +52,8 @@ class BoothFitter {
   static constexpr int kSettledFrames = 20;
   void prepare_schedules(const Observation& observation);
   static bool convincing(const RefineReport& report);
-  void find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity, Solution& solution);
+  /// Takes a limb's other pose where that explains the cloud better. False: the refiner does not stand at the solution any more.
+  bool find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const Vertices* velocity, Solution& solution);
   bool start_afresh(const Observation& observation, Solution& solution);
   bool accepted(const RefineReport& report, const Observation& observation) const;
   void learn_shape(const Solution& solution);
