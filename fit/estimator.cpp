@@ -19,6 +19,7 @@ namespace {
 
 constexpr int kBadFramesUntilSearch = 2;  // a single bad frame is bridged, not searched
 constexpr int kRivalFrames = 10;          // men's and women's models both follow a new person for so long; then the better is kept
+constexpr double kStrangerGain = 0.8;     // share of the evidence's energy that a new body may leave, to be taken for somebody else
 constexpr double kRivalShare = 1.5;       // a model whose first energy is more than this share above the best is out at once
 
 }  // namespace
@@ -112,28 +113,53 @@ struct Estimator::Impl {
       c.paper->adopt(s);
   }
 
-  /// From nothing (or `initial`): each model in question is fitted, the better explanation is kept and the other followed for a while.
-  void start(const Observation& observation, const PoseVector* initial, bool exact) {
-    Candidate* chosen = person ? person : &candidates.front();
+  /// Somebody new, from nothing (or `initial`): each model in question is fitted, the better explanation is kept and the other followed for a while.
+  Solution meet(const Observation& observation, const PoseVector* initial, Candidate*& chosen) {
+    chosen = &candidates.front();
     Solution best = solve(*chosen, observation, initial);
     int iterations = best.iterations;
     rival = nullptr;
-    if (!person) {  // somebody who was lost is looked for with the body that is known
-      for (std::size_t i = 1; i < candidates.size(); ++i) {
-        Solution other = solve(candidates[i], observation, initial, &candidates.front());
-        iterations += other.iterations;
-        if (other.found && (!best.found || other.report.energy < best.report.energy)) {
-          std::swap(best, other);
-          chosen = &candidates[i];
-          rival = &candidates.front();
-        } else {
-          rival = &candidates[i];
-        }
-        if (!other.found || other.report.energy > kRivalShare * best.report.energy) rival = nullptr;
-        if (rival) adopt(*rival, observation, other);
+    for (std::size_t i = 1; i < candidates.size(); ++i) {
+      Solution other = solve(candidates[i], observation, initial, &candidates.front());
+      iterations += other.iterations;
+      if (other.found && (!best.found || other.report.energy < best.report.energy)) {
+        std::swap(best, other);
+        chosen = &candidates[i];
+        rival = &candidates.front();
+      } else {
+        rival = &candidates[i];
       }
+      if (!other.found || other.report.energy > kRivalShare * best.report.energy) rival = nullptr;
+      if (rival) adopt(*rival, observation, other);
     }
     best.iterations = iterations;
+    return best;
+  }
+
+  /// Somebody who was lost is looked for with the body that is known. Where that does not convince, it may be somebody else: then as if new.
+  Solution meet_again(const Observation& observation, const PoseVector* initial, Candidate*& chosen) {
+    chosen = person;
+    Solution known = solve(*person, observation, initial);
+    rival = nullptr;
+    if (!person->booth || observation.cloud.size == 0 || BoothFitter::convincing(known.report)) return known;
+    const BoothFitter::Learnt kept = person->booth->learnt();
+    for (Candidate& c : candidates) c.booth->reset();
+    Solution fresh = meet(observation, initial, chosen);
+    fresh.iterations += known.iterations;
+    if (fresh.found && (!known.found || fresh.report.evidence < kStrangerGain * known.report.evidence)) return fresh;
+    for (Candidate& c : candidates) c.booth->reset();
+    person->booth->remember(kept);
+    chosen = person;
+    rival = nullptr;
+    // The refiner has to stand at the solution again.
+    Solution again = person->booth->start_from(observation, {&known.q, 1});
+    again.iterations += fresh.iterations;
+    return again;
+  }
+
+  void start(const Observation& observation, const PoseVector* initial, bool exact) {
+    Candidate* chosen = nullptr;
+    const Solution best = person ? meet_again(observation, initial, chosen) : meet(observation, initial, chosen);
     following = best.found;
     bad_frames = 0;
     if (best.found) {

@@ -67,6 +67,12 @@ void BoothFitter::lose() {
   tracked_frames_ = 0;
 }
 
+void BoothFitter::remember(const Learnt& learnt) {
+  belief_ = learnt.belief;
+  beta_ = learnt.beta;
+  shape_frames_ = learnt.frames;
+}
+
 bool BoothFitter::convincing(const RefineReport& report) { return report.data < kConvincingData && report.free_space < kConvincingFreeSpace; }
 
 bool BoothFitter::accepted(const RefineReport& report, const Observation& observation) const {
@@ -210,10 +216,9 @@ bool BoothFitter::find_lost_limbs(const Observation& observation, const RefineSc
 
 bool BoothFitter::start_afresh(const Observation& observation, Solution& solution) {
   // The body may be what is wrong: try without what was learnt.
-  const ShapeBelief kept_belief = belief_;
-  const ShapeVector kept_shape = beta_;
+  const Learnt kept = learnt();
   const PoseVector kept_velocity = velocity_;
-  const int kept_frames = shape_frames_, kept_tracked = tracked_frames_;
+  const int kept_tracked = tracked_frames_;
   reset();
   const Solution fresh = start(observation);
   if (fresh.found && fresh.report.evidence < kFreshGain * solution.report.evidence) {
@@ -221,10 +226,9 @@ bool BoothFitter::start_afresh(const Observation& observation, Solution& solutio
     adopt(observation, fresh);
     return true;
   }
-  belief_ = kept_belief;
-  beta_ = kept_shape;
+  remember(kept);
   velocity_ = kept_velocity;
-  shape_frames_ = kept_frames, tracked_frames_ = kept_tracked;
+  tracked_frames_ = kept_tracked;
   return false;
 }
 

@@ -27,6 +27,16 @@ class BoothFitter {
   void reset();
   /// Forgets pose and motion; the shape that was learnt stays.
   void lose();
+  /// What was learnt of the body, so that it can be put aside while another one is tried.
+  struct Learnt {
+    ShapeBelief belief;
+    ShapeVector beta;
+    int frames = 0;
+  };
+  Learnt learnt() const { return {belief_, beta_, shape_frames_}; }
+  void remember(const Learnt& learnt);
+  /// The body explains what is seen, so that no other need be tried.
+  static bool convincing(const RefineReport& report);
 
   /// From nothing. Does not change what is remembered: see adopt().
   Solution start(const Observation& observation);
@@ -51,7 +61,6 @@ class BoothFitter {
  private:
   static constexpr int kSettledFrames = 20;
   void prepare_schedules(const Observation& observation);
-  static bool convincing(const RefineReport& report);
   /// Takes a limb's other pose where that explains the cloud better. False: the refiner does not stand at the solution any more.
   bool find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const Vertices* velocity, Solution& solution);
   bool start_afresh(const Observation& observation, Solution& solution);
