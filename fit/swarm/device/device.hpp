@@ -15,7 +15,7 @@ namespace booth::fit::device {
 /// Every kernel there is. A swarm small enough takes fewer particles a block, so that all processors have something to do.
 using Iterate4 = Iterate<4, 4>;
 using Iterate16 = Iterate<16, 8>;
-using Kernel = std::variant<ClearField, CountPoints, StartRows, SortPoints, DescribeBricks, DescribeCells, TakeFrame, Iterate4, Iterate16>;
+using Kernel = std::variant<TakeCloud, CountPoints, StartRows, SortPoints, DescribeBricks, DescribeCells, TakeFrame, Iterate4, Iterate16>;
 
 struct Step {
   Kernel kernel;

@@ -11,30 +11,6 @@
 namespace booth::fit::device {
 namespace {
 
-constexpr int kMostBricksAcross = 32767;  // of one layer, as FieldView packs it
-
-/// Box and bricks of a cloud, as BrickField chooses them; points = 0 where there is nothing to look at.
-FieldFrame field_frame(const BrickFieldSettings& s, const float* low, const float* high, int points) {
-  FieldFrame f;
-  f.fine = s.fine, f.band = s.band, f.edge = s.cell * kBrick;
-  f.step = (s.band + 2 * f.edge) / s.cell / kOffsetLimit;
-  if (!(low[0] <= high[0])) return f;
-  while (true) {
-    const float margin = s.band + 1.8f * f.edge;
-    double total = 1;
-    for (int c = 0; c < 3; ++c) {
-      f.origin[c] = low[c] - margin;
-      f.bricks[c] = static_cast<std::int32_t>((high[c] - low[c] + 2 * margin) / f.edge) + 1;
-      total *= f.bricks[c];
-    }
-    if (total <= s.max_bricks && static_cast<double>(f.bricks[0]) * f.bricks[1] <= kMostBricksAcross) break;
-    f.edge *= 1.1f;
-  }
-  f.points = points;
-  f.step = (s.band + 2 * f.edge) / (f.edge / kBrick) / kOffsetLimit;
-  return f;
-}
-
 class Swarm final : public DeviceSwarm {
  public:
   Swarm(std::unique_ptr<Device> device, std::span<const BodyModel* const> models, const PosePrior& prior, const SwarmSizes& sizes)
@@ -47,6 +23,7 @@ class Swarm final : public DeviceSwarm {
     need(sizes.swarm.iterations >= 1 && sizes.swarm.iterations <= kMostIterations, "iterations must be 1 to 256");
     for (const BodyModel* model : models) packs_.emplace_back(*model, prior, sizes.energy);
     for (const EnergyPack& p : packs_) need(p.dimensions() <= kMostDimensions, "at most 16 shape coefficients");
+    need(sizes.field.cell > 0 && sizes.field.band > 0 && sizes.field.band <= 100 * sizes.field.cell * kBrick, "the field's band must be at most 400 cells");
     need(prior.components.cols() <= kMostPoseComponents, "at most 30 pose components");
     // As many blocks as there are processors, or more.
     particles_a_block_ = sizes.swarm.particles >= 12 * device_->processors() ? 16 : 4;
@@ -70,20 +47,12 @@ class Swarm final : public DeviceSwarm {
     return bytes;
   }
 
+  /// Copies only; what there is to find out about the cloud, the device does.
   bool set_cloud(const Cloud& cloud) override {
     const int n = std::min(cloud.size, sizes_.field.max_points);
     const float* from[3] = {cloud.x.data(), cloud.y.data(), cloud.z.data()};
-    float low[3], high[3];
-    for (int c = 0; c < 3; ++c) {
-      std::copy_n(from[c], n, cloud_ + static_cast<std::size_t>(c) * static_cast<std::size_t>(sizes_.field.max_points));
-      low[c] = std::numeric_limits<float>::max(), high[c] = -low[c];
-      for (int i = 0; i < n; ++i) {
-        const bool good = std::abs(from[0][i]) < kUsable && std::abs(from[1][i]) < kUsable && std::abs(from[2][i]) < kUsable;
-        const float v = from[c][i];
-        low[c] = good && v < low[c] ? v : low[c], high[c] = good && v > high[c] ? v : high[c];
-      }
-    }
-    *field_frame_ = field_frame(sizes_.field, low, high, n);
+    for (int c = 0; c < 3; ++c) std::copy_n(from[c], n, cloud_ + static_cast<std::size_t>(c) * static_cast<std::size_t>(sizes_.field.max_points));
+    field_input_->points = n;
     field_built_ = false;
     best_known_ = -1;
     return error_ == DeviceError::none;
@@ -169,12 +138,18 @@ class Swarm final : public DeviceSwarm {
     const auto points = static_cast<std::size_t>(sizes_.field.max_points), bricks = static_cast<std::size_t>(sizes_.field.max_bricks);
     FieldMemory& f = field_;
     f.capacity = sizes_.field.max_points, f.max_bricks = sizes_.field.max_bricks;
-    f.frame = take_pinned(1, field_frame_), f.cloud = take_pinned(3 * points, cloud_);
-    f.local_frame = take<FieldFrame>(1), f.view = take<FieldView>(1);
-    f.count = take<std::int32_t>(bricks), f.start = take<std::int32_t>(2 * bricks + 1), f.next = take<std::int32_t>(bricks), f.used = take<std::int32_t>(1);
-    f.key = take<std::int32_t>(points), f.given = take<Point>(points), f.sorted = take<Point>(points);
-    f.distance = take<float>(bricks), f.brick = take<std::int32_t>(bricks), f.cell = take<std::int32_t>(1 + bricks * (1 + kBrickCells));
-    *field_frame_ = FieldFrame{};
+    f.edge = sizes_.field.cell * kBrick, f.fine = sizes_.field.fine, f.band = sizes_.field.band;
+    f.input = take_pinned(1, field_input_), f.cloud = take_pinned(3 * points, cloud_);
+    *field_input_ = FieldInput{};
+    f.frame = take<FieldFrame>(1), f.view = take<FieldView>(1);
+    f.count = take<std::int32_t>(bricks), f.start = take<std::int32_t>(2 * bricks + 1), f.next = take<std::int32_t>(bricks),
+    f.across = take<std::int8_t>(bricks);
+    f.used = take<std::int32_t>(1), f.key = take<std::int32_t>(points), f.given = take<Point>(points), f.sorted = take<Point>(points);
+    f.nearest = take<Point>(bricks), f.fine_list = take<std::int32_t>(bricks), f.fine_count = take<std::int32_t>(1);
+    f.brick = take<std::int32_t>(bricks), f.cell = take<std::int32_t>(1 + bricks * (1 + kBrickCells));
+    const std::vector<std::int32_t> box{kEmptyLow, kEmptyLow, kEmptyLow, kEmptyHigh, kEmptyHigh, kEmptyHigh};
+    f.box = take<std::int32_t>(box.size());
+    check(device_->upload(f.box, box.data(), box.size() * sizeof(std::int32_t)));
 
     const int n = sizes_.swarm.particles;
     const auto slots = static_cast<std::size_t>(n), blocks = static_cast<std::size_t>((n + particles_a_block_ - 1) / particles_a_block_);
@@ -193,8 +168,8 @@ class Swarm final : public DeviceSwarm {
 
   std::vector<Step> field_steps() const {
     const int many = 8 * device_->processors();
-    return {{ClearField(field_), many}, {CountPoints(field_), many},        {StartRows(field_), many},
-            {SortPoints(field_), many}, {DescribeBricks(field_), 2 * many}, {DescribeCells(field_), 2 * many}};
+    return {{TakeCloud(field_), many / 4}, {CountPoints(field_), many / 4},    {StartRows(field_), many},
+            {SortPoints(field_), many},    {DescribeBricks(field_), 2 * many}, {DescribeCells(field_), many}};
   }
 
   void take_model(const EnergyPack& pack) {
@@ -270,7 +245,7 @@ class Swarm final : public DeviceSwarm {
   std::vector<EnergyPack> packs_;
   std::vector<Model> models_;
   FieldMemory field_{};
-  FieldFrame* field_frame_ = nullptr;
+  FieldInput* field_input_ = nullptr;
   float *cloud_ = nullptr, *given_ = nullptr;
   const float* given_device_ = nullptr;
   SwarmFrame* swarm_frame_ = nullptr;

@@ -8,6 +8,7 @@
 #include "fit/cloud/field_view.hpp"
 #include "fit/host_device.hpp"
 #include "fit/swarm/device/launch.hpp"
+#include "fit/swarm/lanes.hpp"
 
 namespace booth::fit::device {
 
@@ -16,7 +17,12 @@ struct Point {
   std::int32_t index;  ///< in the cloud: where two points are equally near, the lower index wins, so that the order of threads does not matter
 };
 
-/// What changes from frame to frame; uploaded with the cloud.
+/// The cloud as the host hands it over; pinned. The points stand beside it: x of all, then y, then z, `FieldMemory::capacity` floats each.
+struct FieldInput {
+  std::int32_t points = 0;
+};
+
+/// The frame's box and bricks, found on the device.
 struct FieldFrame {
   std::int32_t points = 0;
   std::int32_t bricks[3] = {1, 1, 1};
@@ -27,19 +33,24 @@ struct FieldFrame {
   BOOTH_HOST_DEVICE std::int32_t total() const { return bricks[0] * bricks[1] * bricks[2]; }
 };
 
-/// Device memory of the field.
+/// Device memory of the field, and what never changes.
 struct FieldMemory {
-  const FieldFrame* frame;  ///< pinned
-  const float* cloud;       ///< pinned: x of all points, then y, then z, `capacity` floats each
+  const FieldInput* input;  ///< pinned
+  const float* cloud;       ///< pinned
   std::int32_t capacity, max_bricks;
-  FieldFrame* local_frame;  ///< the device's own copy
+  float edge, fine, band;  ///< m; the brick's edge before it grows
+  FieldFrame* frame;
   FieldView* view;
+  std::int32_t* box;           ///< least x, y, z, then greatest: floats as ordered(); empty between two frames
   std::int32_t *count, *next;  ///< per brick
   std::int32_t* start;         ///< per brick, and one more after each row of bricks: row r's begin at r (bricks[0] + 1)
+  std::int8_t* across;         ///< per brick: along x to the nearest brick that has points, or kNoneAcross
   std::int32_t* used;          ///< places given to rows so far
   std::int32_t* key;           ///< per point
   Point *given, *sorted;
-  float* distance;             ///< per brick: of the centre from the nearest point
+  Point* nearest;              ///< per brick with cells: the point nearest to its centre
+  std::int32_t* fine_list;     ///< the bricks with cells, in any order ...
+  std::int32_t* fine_count;    ///< ... and how many there are
   std::int32_t *brick, *cell;  ///< brick b answers with cell 1 + b, or with the 64 from 1 + max_bricks + 64 b on; cell 0 has no point
 };
 
@@ -53,65 +64,144 @@ BOOTH_HOST_DEVICE std::int32_t add(std::int32_t* at, std::int32_t value) {
   return before;
 #endif
 }
+BOOTH_HOST_DEVICE void lower(std::int32_t* at, std::int32_t value) {
+#if defined(__CUDA_ARCH__)
+  atomicMin(at, value);
+#else
+  if (value < *at) *at = value;
+#endif
+}
+BOOTH_HOST_DEVICE void raise(std::int32_t* at, std::int32_t value) {
+#if defined(__CUDA_ARCH__)
+  atomicMax(at, value);
+#else
+  if (value > *at) *at = value;
+#endif
+}
+
+/// Integers that compare as the floats do, and back.
+BOOTH_HOST_DEVICE std::int32_t ordered(float x) {
+  const std::int32_t i = ScalarLanes::as_int(x);
+  return i ^ ((i >> 31) & 0x7fffffff);
+}
+BOOTH_HOST_DEVICE float unordered(std::int32_t i) { return ScalarLanes::as_float(i ^ ((i >> 31) & 0x7fffffff)); }
 
 inline constexpr float kUsable = 1000;  ///< m
+inline constexpr std::int8_t kNoneAcross = 127;
+inline constexpr int kMostBricksInLayer = 32767;  ///< as FieldView packs it
+inline constexpr std::int32_t kEmptyLow = 0x7fffffff, kEmptyHigh = -0x7fffffff - 1;
 
-/// Nobody's points yet.
-struct ClearField : OneRound {
-  static constexpr int kThreads = 256, kPhases = 1;
-  struct Shared {};
+BOOTH_HOST_DEVICE bool usable(float x, float y, float z) { return fabsf(x) < kUsable && fabsf(y) < kUsable && fabsf(z) < kUsable; }
+
+/// Box and bricks of a cloud, as BrickField chooses them; points = 0 where there is nothing to look at.
+BOOTH_HOST_DEVICE FieldFrame field_frame(const FieldMemory& m) {
+  FieldFrame f;
+  f.fine = m.fine, f.band = m.band, f.edge = m.edge;
+  const bool empty = m.box[0] > m.box[3];
+  while (!empty) {
+    const float margin = m.band + 1.8f * f.edge;
+    double total = 1;
+    for (int c = 0; c < 3; ++c) {
+      const float low = unordered(m.box[c]), high = unordered(m.box[3 + c]);
+      f.origin[c] = low - margin;
+      f.bricks[c] = static_cast<std::int32_t>((high - low + 2 * margin) / f.edge) + 1;
+      total *= f.bricks[c];
+    }
+    if (total <= m.max_bricks && static_cast<double>(f.bricks[0]) * f.bricks[1] <= kMostBricksInLayer) break;
+    f.edge *= 1.1f;
+  }
+  f.points = empty ? 0 : m.input->points;
+  f.step = (m.band + 2 * f.edge) / (f.edge / kBrick) / kOffsetLimit;
+  return f;
+}
+
+/// Reads the cloud over the bus, once, and finds its box. Bricks have no points yet.
+struct TakeCloud : OneRound {
+  static constexpr int kThreads = 256, kPhases = 3, kWarp = 32;
+  struct Shared {
+    float low[3][kThreads], high[3][kThreads];
+  };
   struct Private {};
-  explicit ClearField(const FieldMemory& memory) : m(memory) {}
+  explicit TakeCloud(const FieldMemory& memory) : m(memory) {}
   FieldMemory m;
 
   template <int kPhase>
-  BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared&, Private&) const {
-    const int first = lane.block * kThreads + lane.thread;
-    for (int b = first; b < m.max_bricks;  // all there are: asking the host how many matter would take longer
-         b += lane.blocks * kThreads)
-      m.count[b] = 0;
-    if (first != 0) return;
-    const FieldFrame f = *m.frame;
-    *m.local_frame = f;
-    FieldView& v = *m.view;
-    v.brick = m.brick, v.cell = m.cell;
-    v.cell_size = f.edge / kBrick, v.inverse_cell = 1 / v.cell_size;
-    for (int c = 0; c < 3; ++c) v.origin[c] = f.origin[c], v.last[c] = f.points > 0 ? static_cast<float>(f.bricks[c] * kBrick) - 0.5f : 0.0f;
-    v.brick_strides = f.bricks[0] | (f.bricks[0] * f.bricks[1]) << 16;
-    v.step = f.step;
-    m.cell[0] = kNoPoint;
-    *m.used = 0;
+  BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared& s, Private&) const {
+    const int t = lane.thread;
+    if constexpr (kPhase == 0) {
+      const std::int32_t first = lane.block * kThreads + t, stride = lane.blocks * kThreads, n = m.input->points;
+      float low[3] = {kUsable, kUsable, kUsable}, high[3] = {-kUsable, -kUsable, -kUsable};
+      for (std::int32_t i = first; i < n; i += stride) {
+        const float p[3] = {m.cloud[i], m.cloud[m.capacity + i], m.cloud[2 * m.capacity + i]};
+        m.given[i] = {p[0], p[1], p[2], i};
+        if (!usable(p[0], p[1], p[2])) continue;
+        for (int c = 0; c < 3; ++c) low[c] = p[c] < low[c] ? p[c] : low[c], high[c] = p[c] > high[c] ? p[c] : high[c];
+      }
+      for (int c = 0; c < 3; ++c) s.low[c][t] = low[c], s.high[c][t] = high[c];
+      for (std::int32_t b = first; b < m.max_bricks; b += stride) m.count[b] = 0;
+      if (first == 0) *m.used = *m.fine_count = 0, m.cell[0] = kNoPoint;
+    } else if constexpr (kPhase == 1) {
+      if (t >= kWarp) return;
+      for (int i = t; i < kThreads; i += kWarp)
+        for (int c = 0; c < 3; ++c) {
+          s.low[c][t] = s.low[c][i] < s.low[c][t] ? s.low[c][i] : s.low[c][t];
+          s.high[c][t] = s.high[c][i] > s.high[c][t] ? s.high[c][i] : s.high[c][t];
+        }
+    } else {
+      if (t >= 3) return;
+      float low = s.low[t][0], high = s.high[t][0];
+      for (int i = 1; i < kWarp; ++i) low = s.low[t][i] < low ? s.low[t][i] : low, high = s.high[t][i] > high ? s.high[t][i] : high;
+      if (low > high) return;  // none of the block's points can be used
+      lower(m.box + t, ordered(low)), raise(m.box + 3 + t, ordered(high));
+    }
   }
 };
 
-/// Reads the cloud over the bus, once, and counts each brick's points.
+/// Counts each brick's points. What the frame's bricks are, every block finds for itself.
 struct CountPoints : OneRound {
-  static constexpr int kThreads = 256, kPhases = 1;
-  struct Shared {};
+  static constexpr int kThreads = 256, kPhases = 2;
+  struct Shared {
+    FieldFrame frame;
+  };
   struct Private {};
   explicit CountPoints(const FieldMemory& memory) : m(memory) {}
   FieldMemory m;
 
   template <int kPhase>
-  BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared&, Private&) const {
-    const FieldFrame& f = *m.local_frame;
-    for (int i = lane.block * kThreads + lane.thread; i < f.points; i += lane.blocks * kThreads) {
-      const float p[3] = {m.cloud[i], m.cloud[m.capacity + i], m.cloud[2 * m.capacity + i]};
-      const bool good = fabsf(p[0]) < kUsable && fabsf(p[1]) < kUsable && fabsf(p[2]) < kUsable;
-      std::int32_t at[3] = {0, 0, 0};
-      for (int c = 0; c < 3 && good; ++c) {
-        at[c] = static_cast<std::int32_t>((p[c] - f.origin[c]) / f.edge);
-        at[c] = at[c] < 0 ? 0 : at[c] > f.bricks[c] - 1 ? f.bricks[c] - 1 : at[c];
+  BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared& s, Private&) const {
+    if constexpr (kPhase == 0) {
+      if (lane.thread != 0) return;
+      const FieldFrame f = field_frame(m);
+      s.frame = f;
+      if (lane.block != 0) return;
+      *m.frame = f;
+      FieldView& v = *m.view;
+      v.brick = m.brick, v.cell = m.cell;
+      v.cell_size = f.edge / kBrick, v.inverse_cell = 1 / v.cell_size;
+      for (int c = 0; c < 3; ++c) v.origin[c] = f.origin[c], v.last[c] = f.points > 0 ? static_cast<float>(f.bricks[c] * kBrick) - 0.5f : 0.0f;
+      v.brick_strides = f.bricks[0] | (f.bricks[0] * f.bricks[1]) << 16;
+      v.step = f.step;
+    } else {
+      const FieldFrame f = s.frame;
+      for (std::int32_t i = lane.block * kThreads + lane.thread; i < f.points; i += lane.blocks * kThreads) {
+        const Point p = m.given[i];
+        const float place[3] = {p.x, p.y, p.z};
+        const bool good = usable(p.x, p.y, p.z);
+        std::int32_t at[3] = {0, 0, 0};
+        for (int c = 0; c < 3 && good; ++c) {
+          at[c] = static_cast<std::int32_t>((place[c] - f.origin[c]) / f.edge);
+          at[c] = at[c] < 0 ? 0 : at[c] > f.bricks[c] - 1 ? f.bricks[c] - 1 : at[c];
+        }
+        const std::int32_t key = good ? (at[2] * f.bricks[1] + at[1]) * f.bricks[0] + at[0] : -1;
+        m.key[i] = key;
+        if (good) add(m.count + key, 1);
       }
-      const std::int32_t key = good ? (at[2] * f.bricks[1] + at[1]) * f.bricks[0] + at[0] : -1;
-      m.key[i] = key;
-      m.given[i] = {p[0], p[1], p[2], i};
-      if (good) add(m.count + key, 1);
     }
   }
 };
 
-/// Where each brick's points begin. A row of bricks along x takes its place when it comes; which one is left to chance, too.
+/// Where each brick's points begin, and how far it is along x to the next brick that has some. A row of bricks along x takes its place when it comes;
+/// which one is left to chance, too.
 struct StartRows : OneRound {
   static constexpr int kThreads = 32, kPhases = 1;
   struct Shared {};
@@ -121,18 +211,34 @@ struct StartRows : OneRound {
 
   template <int kPhase>
   BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared&, Private&) const {
-    const FieldFrame& f = *m.local_frame;
+    const FieldFrame& f = *m.frame;
     const std::int32_t nx = f.bricks[0], rows = f.bricks[1] * f.bricks[2];
+    if (lane.block == 0 && lane.thread < 6) m.box[lane.thread] = lane.thread < 3 ? kEmptyLow : kEmptyHigh;  // for the next frame
     for (std::int32_t row = lane.block * kThreads + lane.thread; row < rows; row += lane.blocks * kThreads) {
+      const std::int32_t* count = m.count + row * nx;
       std::int32_t sum = 0;
-      for (std::int32_t x = 0; x < nx; ++x) sum += m.count[row * nx + x];
-      std::int32_t at = sum > 0 ? add(m.used, sum) : 0;
+      for (std::int32_t x = 0; x < nx; ++x) sum += count[x];
       std::int32_t* start = m.start + row * (nx + 1);
+      std::int8_t* across = m.across + row * nx;
+      if (sum == 0) {
+        for (std::int32_t x = 0; x < nx; ++x) across[x] = kNoneAcross;
+        start[0] = start[nx] = 0;  // nobody asks such a row for more
+        continue;
+      }
+      std::int32_t at = add(m.used, sum), gap = kNoneAcross;
       for (std::int32_t x = 0; x < nx; ++x) {
+        const std::int32_t n = count[x];
         start[x] = m.next[row * nx + x] = at;
-        at += m.count[row * nx + x];
+        at += n;
+        gap = n > 0 ? 0 : gap < kNoneAcross ? gap + 1 : gap;
+        across[x] = static_cast<std::int8_t>(-gap);
       }
       start[nx] = at;
+      gap = kNoneAcross;
+      for (std::int32_t x = nx - 1; x >= 0; --x) {
+        gap = count[x] > 0 ? 0 : gap < kNoneAcross ? gap + 1 : gap;
+        if (gap < -across[x] || across[x] == -kNoneAcross) across[x] = static_cast<std::int8_t>(gap);
+      }
     }
   }
 };
@@ -147,8 +253,8 @@ struct SortPoints : OneRound {
 
   template <int kPhase>
   BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared&, Private&) const {
-    const FieldFrame& f = *m.local_frame;
-    for (int i = lane.block * kThreads + lane.thread; i < f.points; i += lane.blocks * kThreads)
+    const std::int32_t n = m.frame->points;
+    for (std::int32_t i = lane.block * kThreads + lane.thread; i < n; i += lane.blocks * kThreads)
       if (const std::int32_t key = m.key[i]; key >= 0) m.sorted[add(m.next + key, 1)] = m.given[i];
   }
 };
@@ -222,17 +328,37 @@ BOOTH_HOST_DEVICE std::int32_t pack_point(const FieldFrame& f, const float* corn
   return fits(x) && fits(y) && fits(z) ? pack_offset(x, y, z) : kNoPoint;
 }
 
-/// Every brick looks for the point nearest to its centre: kTeam threads share its points.
+/// Where a brick lies.
+struct BrickPlace {
+  std::int32_t at[3];
+  float corner[3], centre[3];
+  bool border;  ///< clamped look-ups end there, so it never answers; likewise where there are no points at all
+
+  BOOTH_HOST_DEVICE BrickPlace(const FieldFrame& f, std::int32_t b) : border(f.points == 0) {
+    at[0] = b % f.bricks[0], at[1] = b / f.bricks[0] % f.bricks[1], at[2] = b / (f.bricks[0] * f.bricks[1]);
+    for (int c = 0; c < 3; ++c) {
+      corner[c] = f.origin[c] + static_cast<float>(at[c]) * f.edge, centre[c] = corner[c] + 0.5f * f.edge;
+      border = border || at[c] == 0 || at[c] == f.bricks[c] - 1;
+    }
+  }
+};
+
+/// Every brick looks for the point nearest to its centre. A team of threads first asks each row of bricks around how far its nearest occupied brick is, then
+/// looks at the points of the one that promises most, then at the rows that may hold a nearer one.
 struct DescribeBricks {
-  static constexpr int kThreads = 128, kPhases = 2, kTeam = 8, kSide = kThreads / kTeam;
+  static constexpr int kThreads = 128, kPhases = 5, kTeam = 8, kSide = kThreads / kTeam, kListed = 128;
   struct Shared {
-    Nearest best[kThreads];
+    Nearest first[kThreads], best[kThreads];
+    float promise[kThreads];           ///< square of how far the promising brick's furthest corner may be
+    std::int32_t promising[kThreads];  ///< its place in m.start; -1: none is within reach
+    std::int32_t listed[kSide];
+    std::int16_t row[kSide][kListed][2];  ///< y and z
   };
   struct Private {};
   explicit DescribeBricks(const FieldMemory& memory) : m(memory) {}
   FieldMemory m;
 
-  BOOTH_HOST_DEVICE int rounds(const Lane& lane) const { return (m.local_frame->total() + lane.blocks * kSide - 1) / (lane.blocks * kSide); }
+  BOOTH_HOST_DEVICE int rounds(const Lane& lane) const { return (m.frame->total() + lane.blocks * kSide - 1) / (lane.blocks * kSide); }
   template <int kPhase>
   BOOTH_HOST_DEVICE bool runs(int) const {
     return true;
@@ -240,63 +366,183 @@ struct DescribeBricks {
 
   template <int kPhase>
   BOOTH_HOST_DEVICE void phase(const Lane& lane, int round, Shared& s, Private&) const {
-    const FieldFrame& f = *m.local_frame;
+    const FieldFrame& f = *m.frame;
     const std::int32_t b = (round * lane.blocks + lane.block) * kSide + lane.thread / kTeam;
     if (b >= f.total()) return;
-    const std::int32_t nx = f.bricks[0], ny = f.bricks[1], at[3] = {b % nx, b / nx % ny, b / (nx * ny)};
-    float corner[3], centre[3];
-    bool border = f.points == 0;
-    for (int c = 0; c < 3; ++c) {
-      corner[c] = f.origin[c] + static_cast<float>(at[c]) * f.edge, centre[c] = corner[c] + 0.5f * f.edge;
-      border = border || at[c] == 0 || at[c] == f.bricks[c] - 1;  // clamped look-ups end there
-    }
+    const BrickPlace place(f, b);
+    const int t = lane.thread, team = t / kTeam, leader = team * kTeam, member = t % kTeam;
+    const float reach = f.band + 0.8661f * f.edge;  // half a brick's diagonal: some vertex in the brick may be within the band
+    const int layers = static_cast<int>(reach / f.edge + 0.5f);
     if constexpr (kPhase == 0) {
-      const float reach = f.band + 0.8661f * f.edge;  // half a brick's diagonal: some vertex in the brick may be within the band
+      float promise = 3e38f;
+      std::int32_t promising = -1;
+      if (!place.border)
+        each_row(f, place, layers, member, [&](std::int32_t y, std::int32_t z, float gx, float gy, float gz, std::int32_t x) {
+          const float far = square((gx + 0.5f) * f.edge) + square((gy + 0.5f) * f.edge) + square((gz + 0.5f) * f.edge);
+          if (far < promise && least2(f, gx, gy, gz) <= reach * reach) promise = far, promising = (z * f.bricks[1] + y) * (f.bricks[0] + 1) + x;
+        });
+      s.promise[t] = promise, s.promising[t] = promising;
+      if (member == 0) s.listed[team] = 0;
+    } else if constexpr (kPhase == 1) {
       Nearest best{reach * reach, kNobody, 0, 0, 0};
-      if (!border) search_rows<kTeam>(m, f, at[1], at[2], static_cast<int>(reach / f.edge + 0.5f), centre, lane.thread % kTeam, best);
-      s.best[lane.thread] = best;
-    } else if (lane.thread % kTeam == 0) {
-      Nearest best = s.best[lane.thread];
-      for (int i = 1; i < kTeam; ++i) best.offer(s.best[lane.thread + i]);
-      m.distance[b] = sqrtf(best.distance2);
-      const bool found = best.index != kNobody, fine = found && m.distance[b] <= f.fine;
-      m.cell[1 + b] = found ? pack_point(f, corner, best) : kNoPoint;
+      if (const std::int32_t at = most_promising(s, leader); at >= 0)
+        for (std::int32_t e = m.start[at] + member, end = m.start[at + 1]; e < end; e += kTeam)
+          best.offer(m.sorted[e], place.centre[0], place.centre[1], place.centre[2]);
+      s.first[t] = best;
+    } else if constexpr (kPhase == 2) {
+      if (most_promising(s, leader) < 0) return;
+      const float distance2 = of_team(s.first, leader).distance2;
+      each_row(f, place, layers, member, [&](std::int32_t y, std::int32_t z, float gx, float gy, float gz, std::int32_t) {
+        if (least2(f, gx, gy, gz) > distance2) return;
+        const std::int32_t at = add(&s.listed[team], 1);
+        if (at < kListed) s.row[team][at][0] = static_cast<std::int16_t>(y), s.row[team][at][1] = static_cast<std::int16_t>(z);
+      });
+    } else if constexpr (kPhase == 3) {
+      Nearest best = of_team(s.first, leader);
+      if (s.listed[team] > kListed)
+        search_rows<kTeam>(m, f, place.at[1], place.at[2], layers, place.centre, member, best);
+      else
+        for (std::int32_t i = 0; i < s.listed[team]; ++i) search_row<kTeam>(m, f, s.row[team][i][0], s.row[team][i][1], place.centre, member, best);
+      s.best[t] = best;
+    } else if (member == 0) {
+      const Nearest best = of_team(s.best, leader);
+      const bool found = best.index != kNobody, fine = found && sqrtf(best.distance2) <= f.fine;
+      m.cell[1 + b] = found ? pack_point(f, place.corner, best) : kNoPoint;
       m.brick[b] = fine ? 1 + m.max_bricks + b * kBrickCells : ~(1 + b);
+      if (!fine) return;
+      m.fine_list[add(m.fine_count, 1)] = b;
+      m.nearest[b] = {best.x, best.y, best.z, best.index};
     }
+  }
+
+ private:
+  BOOTH_HOST_DEVICE static float square(float x) { return x * x; }
+  /// From a brick's centre to a brick so many away along each axis, at least; a little less, so that rounding loses no point.
+  BOOTH_HOST_DEVICE static float least2(const FieldFrame& f, float gx, float gy, float gz) {
+    const auto near = [&](float g) { return g > 0 ? (g - 0.5f) * f.edge - 1e-4f : 0.0f; };
+    return square(near(gx)) + square(near(gy)) + square(near(gz));
+  }
+  /// A team's member takes every kTeam-th row that has points: visit(y, z, bricks away along x, y and z, x of the nearest brick that has some).
+  template <class Visit>
+  BOOTH_HOST_DEVICE void each_row(const FieldFrame& f, const BrickPlace& place, int layers, int member, const Visit& visit) const {
+    const int across = 2 * layers + 1;
+    int dy = member % across - layers, dz = member / across - layers;
+    while (dz <= layers) {
+      const std::int32_t y = place.at[1] + dy, z = place.at[2] + dz;
+      if (y >= 0 && y < f.bricks[1] && z >= 0 && z < f.bricks[2]) {
+        const int dx = m.across[(z * f.bricks[1] + y) * f.bricks[0] + place.at[0]];
+        if (dx != kNoneAcross)
+          visit(y, z, static_cast<float>(dx < 0 ? -dx : dx), static_cast<float>(dy < 0 ? -dy : dy), static_cast<float>(dz < 0 ? -dz : dz), place.at[0] + dx);
+      }
+      for (dy += kTeam; dy > layers; dy -= across) ++dz;
+    }
+  }
+  BOOTH_HOST_DEVICE static std::int32_t most_promising(const Shared& s, int leader) {
+    int winner = leader;
+    for (int i = leader + 1; i < leader + kTeam; ++i) winner = s.promise[i] < s.promise[winner] ? i : winner;
+    return s.promising[winner];
+  }
+  BOOTH_HOST_DEVICE static Nearest of_team(const Nearest* all, int leader) {
+    Nearest best = all[leader];
+    for (int i = 1; i < kTeam; ++i) best.offer(all[leader + i]);
+    return best;
   }
 };
 
-/// Every cell of a brick near the cloud looks for the point nearest to its own centre. A block takes four bricks at a time, 64 threads each.
-struct DescribeCells : OneRound {
-  static constexpr int kThreads = 256, kPhases = 1;
-  struct Shared {};
+/// Every cell of a brick near the cloud looks for the point nearest to its own centre. A block takes a brick at a time: it collects the points that may be
+/// the nearest to any cell, then kTeam threads a cell compare them.
+struct DescribeCells {
+  static constexpr int kThreads = 256, kPhases = 4, kWarp = 32, kTeam = kThreads / kBrickCells, kCandidates = 1024;
+  struct alignas(16) Candidate {
+    float x, y, z;
+    std::int32_t index;
+  };
+  struct Shared {
+    Candidate candidate[kCandidates];
+    Nearest best[kThreads];
+    std::int32_t candidates;
+  };
   struct Private {};
   explicit DescribeCells(const FieldMemory& memory) : m(memory) {}
   FieldMemory m;
 
+  BOOTH_HOST_DEVICE int rounds(const Lane& lane) const { return (*m.fine_count - lane.block + lane.blocks - 1) / lane.blocks; }
   template <int kPhase>
-  BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared&, Private&) const {
-    const FieldFrame& f = *m.local_frame;
-    constexpr int kSide = kThreads / kBrickCells;
-    const std::int32_t total = f.total();
-    for (std::int32_t b = lane.block * kSide + lane.thread / kBrickCells; b < total; b += lane.blocks * kSide)
-      if (m.brick[b] >= 0) describe(f, b, lane.thread % kBrickCells);
+  BOOTH_HOST_DEVICE bool runs(int) const {
+    return true;
   }
 
-  BOOTH_HOST_DEVICE void describe(const FieldFrame& f, std::int32_t b, int local) const {
-    const std::int32_t nx = f.bricks[0], ny = f.bricks[1], at[3] = {b % nx, b / nx % ny, b / (nx * ny)};
-    const float cell = f.edge / kBrick;
-    const int inside[3] = {local & 3, local >> 2 & 3, local >> 4};
-    float corner[3], centre[3];
-    for (int c = 0; c < 3; ++c) {
-      corner[c] = f.origin[c] + static_cast<float>(at[c]) * f.edge;
-      centre[c] = corner[c] + (static_cast<float>(inside[c]) + 0.5f) * cell;
+  template <int kPhase>
+  BOOTH_HOST_DEVICE void phase(const Lane& lane, int round, Shared& s, Private&) const {
+    const FieldFrame& f = *m.frame;
+    const int t = lane.thread, local = t / kTeam, member = t % kTeam;
+    const std::int32_t b = m.fine_list[round * lane.blocks + lane.block];
+    if constexpr (kPhase == 0) {
+      if (t == 0) s.candidates = 0;
+    } else if constexpr (kPhase == 1) {
+      collect(f, b, t, s);
+    } else if constexpr (kPhase == 2) {
+      const BrickPlace place(f, b);
+      float centre[3];
+      const int inside[3] = {local & 3, local >> 2 & 3, local >> 4};
+      for (int c = 0; c < 3; ++c) centre[c] = place.corner[c] + (static_cast<float>(inside[c]) + 0.5f) * (f.edge / kBrick);
+      Nearest best{3e38f, kNobody, 0, 0, 0};
+      best.offer(m.nearest[b], centre[0], centre[1], centre[2]);
+      if (s.candidates <= kCandidates) {
+        for (std::int32_t i = member; i < s.candidates; i += kTeam) {
+          const Candidate& p = s.candidate[i];
+          best.offer({p.x, p.y, p.z, p.index}, centre[0], centre[1], centre[2]);
+        }
+      } else {  // a cloud so dense that they do not fit: each cell looks for itself
+        const int layers = 1 + static_cast<int>((sqrtf(best.distance2) + 1e-4f) / f.edge);
+        search_rows<kTeam>(m, f, place.at[1], place.at[2], layers, centre, member, best);
+      }
+      s.best[t] = best;
+    } else if (member == 0) {
+      Nearest best = s.best[t];
+      for (int i = 1; i < kTeam; ++i) best.offer(s.best[t + i]);
+      m.cell[1 + m.max_bricks + b * kBrickCells + local] = pack_point(f, BrickPlace(f, b).corner, best);
     }
-    // The brick's own nearest point is nowhere further from a cell's centre than this; half a diagonal of the centres' box is 2.6 cells.
-    const float reach = m.distance[b] + 2.61f * cell;
-    Nearest best{reach * reach, kNobody, 0, 0, 0};
-    search_rows<1>(m, f, at[1], at[2], 1 + static_cast<int>((reach - 0.5f * cell) / f.edge), centre, 0, best);
-    m.cell[1 + m.max_bricks + b * kBrickCells + local] = best.index == kNobody ? kNoPoint : pack_point(f, corner, best);
+  }
+
+ private:
+  /// Let q be the point nearest to the brick's centre and p another, both seen from there. For a cell's centre c, which is within h of it along each axis, p
+  /// can be the nearest only if |p - c| <= |q - c|, that is |p|^2 - |q|^2 <= 2 c (p - q) <= 2 h |p - q|_1; and no point is further from the box of those
+  /// centres than q from its furthest corner.
+  BOOTH_HOST_DEVICE void collect(const FieldFrame& f, std::int32_t b, int t, Shared& s) const {
+    const BrickPlace place(f, b);
+    const float h = 1.5f * (f.edge / kBrick);
+    const Point nearest = m.nearest[b];
+    const float q[3] = {nearest.x - place.centre[0], nearest.y - place.centre[1], nearest.z - place.centre[2]};
+    const float q2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2];
+    float reach2 = 0;
+    for (int c = 0; c < 3; ++c) reach2 += (fabsf(q[c]) + h) * (fabsf(q[c]) + h);
+    const int layers = 1 + static_cast<int>((sqrtf(reach2) + 1e-4f) / f.edge), across = 2 * layers + 1;
+    for (int r = t / kWarp; r < across * across; r += kThreads / kWarp) {
+      const std::int32_t y = place.at[1] + r % across - layers, z = place.at[2] + r / across - layers;
+      if (y < 0 || z < 0 || y >= f.bricks[1] || z >= f.bricks[2]) continue;
+      const std::int32_t* start = m.start + (z * f.bricks[1] + y) * (f.bricks[0] + 1);
+      const auto off = [&](int axis, std::int32_t layer) {  // the box of the centres is so far from a layer of bricks
+        const float g = gap(f, axis, layer, place.centre[axis]) - h;
+        return g > 0 ? g : 0.0f;
+      };
+      const float gy = off(1, y), gz = off(2, z), rest = reach2 - (gy * gy + gz * gz);
+      if (rest < 0 || m.across[(z * f.bricks[1] + y) * f.bricks[0] + place.at[0]] == kNoneAcross) continue;
+      const float reach = sqrtf(rest) + h + 1e-4f;
+      const auto layer = [&](float x) {
+        const std::int32_t i = static_cast<std::int32_t>((x - f.origin[0]) / f.edge);
+        return i < 0 ? 0 : i > f.bricks[0] - 1 ? f.bricks[0] - 1 : i;
+      };
+      const std::int32_t end = start[layer(place.centre[0] + reach) + 1];
+      for (std::int32_t e = start[layer(place.centre[0] - reach)] + t % kWarp; e < end; e += kWarp) {
+        const Point p = m.sorted[e];
+        const float v[3] = {p.x - place.centre[0], p.y - place.centre[1], p.z - place.centre[2]};
+        const float more = v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - q2;
+        if (more > 2 * h * (fabsf(v[0] - q[0]) + fabsf(v[1] - q[1]) + fabsf(v[2] - q[2])) + 1e-7f) continue;
+        const std::int32_t at = add(&s.candidates, 1);
+        if (at < kCandidates) s.candidate[at] = {p.x, p.y, p.z, p.index};
+      }
+    }
   }
 };
 
