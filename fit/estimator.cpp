@@ -36,8 +36,9 @@ struct Estimator::Impl {
   std::shared_ptr<const PosePrior> prior;
   WorkerPool pool;
   std::vector<Candidate> candidates;
-  std::unique_ptr<SwarmBackend> swarm;         ///< preset paper: one for all candidates
-  const GuardedSwarm* guarded = nullptr;       ///< `swarm`, where it has a device
+  std::unique_ptr<SwarmBackend> swarm;    ///< preset paper: one for all candidates
+  const GuardedSwarm* guarded = nullptr;  ///< `swarm`, where it has a device
+  DeviceBytes on_device;
   Candidate* person = nullptr;                 ///< whose body is known
   Candidate* rival = nullptr;                  ///< the other sex's model while it has not been decided
   double person_energy = 0, rival_energy = 0;  ///< summed over the frames since both were adopted
@@ -67,18 +68,24 @@ struct Estimator::Impl {
   void make_paper_fitters() {
     std::vector<const BodyModel*> models;
     for (const Candidate& c : candidates) models.push_back(c.model.get());
-    const SwarmSizes sizes{.energy = {.shape_count = PaperFitter::kShapeCount, .vertices = PaperFitter::kVertices},
+    const SwarmSizes sizes{.swarm = settings.swarm,
+                           .energy = {.shape_count = PaperFitter::kShapeCount, .vertices = PaperFitter::kVertices},
                            .field = {.max_points = settings.cloud_capacity}};
     swarm = make_cpu_swarm(models, *prior, sizes, pool);
     if (settings.backend == BackendChoice::cuda || (settings.backend == BackendChoice::automatic && device::cuda_built_in())) {
-      auto both = make_guarded_swarm(std::move(swarm), [models, p = prior, sizes](std::string& why) -> std::unique_ptr<SwarmBackend> {
-        try {
-          if (auto found = device::make_cuda_device(why)) return device::make_device_swarm(std::move(found), models, *p, sizes);
-        } catch (const std::exception& e) {
-          why = e.what();
-        }
-        return nullptr;
-      });
+      on_device = device::plan_device_swarm(models, *prior, sizes);
+      const DeviceOpen open = settings.open_device ? settings.open_device : device::make_cuda_device;
+      auto both = make_guarded_swarm(
+          std::move(swarm),
+          [models, p = prior, sizes, open](std::string& why) -> std::unique_ptr<SwarmBackend> {
+            try {
+              if (auto found = open(why)) return device::make_device_swarm(std::move(found), models, *p, sizes);
+            } catch (const std::exception& e) {
+              why = e.what();
+            }
+            return nullptr;
+          },
+          settings.guard);
       guarded = both.get();
       swarm = std::move(both);
     }
@@ -278,6 +285,8 @@ const BodyModel& Estimator::model() const { return *impl_->last->model; }
 const Vertices& Estimator::posed_vertices() const { return impl_->last->diagnostics->vertices(); }
 
 DeviceReport Estimator::device_report() const { return impl_->guarded ? impl_->guarded->report() : DeviceReport{}; }
+
+DeviceBytes Estimator::device_bytes() const { return impl_->on_device; }
 
 std::size_t Estimator::memory_bytes() const {
   std::size_t bytes = sizeof(Impl);

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -22,6 +23,12 @@ enum class BackendChoice : std::uint8_t {
   cuda,       ///< a CUDA device, with the CPU to take over when it fails
   automatic,  ///< cuda where this build has it
 };
+namespace device {
+class Device;
+}
+/// Opens the device that a swarm is to live on; null where there is none, `why` then says it in a sentence. May throw std::exception.
+using DeviceOpen = std::function<std::unique_ptr<device::Device>(std::string& why)>;
+
 enum class SexChoice : std::uint8_t { automatic, men, women };
 
 struct EstimatorSettings {
@@ -32,6 +39,9 @@ struct EstimatorSettings {
   std::uint64_t seed = 1;
   int cloud_capacity = 120000;
   int max_views = 8;
+  SwarmSettings swarm{};     ///< preset paper, on the CPU and on a device
+  DeviceOpen open_device{};  ///< in place of the CUDA device, for tests: an emulated one
+  GuardSettings guard{};     ///< how soon a lost device is tried again
 };
 
 enum class FitState : std::uint8_t {
@@ -96,6 +106,8 @@ class Estimator {
   DeviceReport device_report() const;
   /// Bytes taken at construction, for the memory plan.
   std::size_t memory_bytes() const;
+  /// Of the device that was asked for: what it takes while it is there.
+  DeviceBytes device_bytes() const;
 
  private:
   struct Impl;

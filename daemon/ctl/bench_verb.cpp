@@ -13,6 +13,7 @@
 
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/pipeline/fit_signature.hpp"
+#include "fit/swarm/device/emulated_device.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -44,6 +45,7 @@ void add_signature_verb(CLI::App& bench) {
   struct Options {
     int threads = 2, frames = kGoldenFrames;
     bool json = false;
+    std::string backend = "cpu";
   };
   auto options = std::make_shared<Options>();
   CLI::App* verb = bench.add_subcommand("signature", "A hash over the fitted parameters of the golden frames (tests/golden/signature.txt)");
@@ -52,12 +54,28 @@ void add_signature_verb(CLI::App& bench) {
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
   verb->add_flag("--json", options->json, "One JSON object");
+  verb->add_option("--backend", options->backend, "cpu: preset booth; cuda: preset paper on a CUDA device; emulated: the same on the host, slowly")
+      ->check(CLI::IsMember({"cpu", "cuda", "emulated"}))
+      ->capture_default_str();
   verb->callback([options] {
-    const std::string signature = golden_signature(options->threads, options->frames);
+    fit::device::Faults none;
+    fit::DeviceOpen open;
+    if (options->backend == "emulated") open = [&](std::string&) { return fit::device::make_emulated_device(none, 132); };
+    std::string signature;
+    try {
+      signature =
+          options->backend == "cpu" ? golden_signature(options->threads, options->frames) : golden_device_signature(options->threads, options->frames, open);
+    } catch (const std::runtime_error& e) {
+      throw VerbFailure(std::string("bench ") + e.what());
+    }
     if (options->json) {
-      std::cout
-          << nlohmann::ordered_json{{"benchmark", "signature"}, {"signature", signature}, {"frames", options->frames}, {"threads", options->threads}}.dump()
-          << "\n";
+      std::cout << nlohmann::ordered_json{{"benchmark", "signature"},
+                                          {"backend", options->backend},
+                                          {"signature", signature},
+                                          {"frames", options->frames},
+                                          {"threads", options->threads}}
+                       .dump()
+                << "\n";
     } else {
       std::cout << signature << "\n";
     }

@@ -120,7 +120,13 @@ std::vector<MemoryItem> EstimatorFitter::memory_plan() const {
   for (const auto& view : observation_.views)
     views += view.depth.size() * sizeof(float) + view.label.size() + (view.nearest_dx.size() + view.nearest_dy.size()) * sizeof(std::int16_t);
   const std::size_t cloud = static_cast<std::size_t>(observation_.cloud.capacity()) * (6 * sizeof(float) + 1);
-  return {{"cloud builder", builder_.memory_bytes()}, {"observation (cloud and views)", cloud + views}, {"estimator", estimator_.memory_bytes()}};
+  std::vector<MemoryItem> out{
+      {"cloud builder", builder_.memory_bytes()}, {"observation (cloud and views)", cloud + views}, {"estimator", estimator_.memory_bytes()}};
+  if (const fit::DeviceBytes device = estimator_.device_bytes(); device.device > 0) {
+    out.push_back({"pinned for the graphics processor", device.pinned});
+    out.push_back({"on the graphics processor", device.device});
+  }
+  return out;
 }
 
 }  // namespace booth::daemon

@@ -5,7 +5,8 @@
 
 namespace booth::daemon {
 
-FitSetup make_fit_setup(const Config& config, const hal::DepthCameras& cameras, const std::vector<hal::DepthFrame>& background) {
+FitSetup make_fit_setup(const Config& config, const hal::DepthCameras& cameras, const std::vector<hal::DepthFrame>& background,
+                        const fit::DeviceOpen& open_device) {
   FitSetup out;
   const auto directory = find_models(config.models.directory);
   const bool paper = config.fit.preset == "paper";
@@ -33,6 +34,7 @@ FitSetup make_fit_setup(const Config& config, const hal::DepthCameras& cameras, 
   estimator.backend = config.fit.backend == "cuda"   ? fit::BackendChoice::cuda
                       : config.fit.backend == "auto" ? fit::BackendChoice::automatic
                                                      : fit::BackendChoice::cpu;
+  estimator.open_device = open_device;
   estimator.seed = static_cast<std::uint64_t>(config.fit.seed);
   std::vector<hal::CameraDescription> descriptions;
   for (const auto& camera : cameras) descriptions.push_back(camera->description());

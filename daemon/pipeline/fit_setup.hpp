@@ -18,7 +18,8 @@ struct FitSetup {
   std::unique_ptr<EstimatorFitter> fitter;
 };
 
-/// Throws std::runtime_error or std::invalid_argument naming the file or the key.
-FitSetup make_fit_setup(const Config& config, const hal::DepthCameras& cameras, const std::vector<hal::DepthFrame>& background);
+/// `open_device` stands in for the CUDA device where it is given. Throws std::runtime_error or std::invalid_argument naming the file or the key.
+FitSetup make_fit_setup(const Config& config, const hal::DepthCameras& cameras, const std::vector<hal::DepthFrame>& background,
+                        const fit::DeviceOpen& open_device = {});
 
 }  // namespace booth::daemon

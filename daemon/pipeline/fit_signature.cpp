@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <bit>
+#include <stdexcept>
 
 #include "daemon/config/config.hpp"
 #include "daemon/drivers_factory.hpp"
@@ -29,17 +30,34 @@ void FitSignature::add(const FrameRecord& frame) {
 
 std::string FitSignature::text() const { return fmt::format("{:016x}", hash_); }
 
-std::string golden_signature(int threads, int frames) {
-  Config config;
-  config.fit.threads = threads;
+namespace {
+
+std::string signature_of(const Config& config, int frames, const fit::DeviceOpen& open_device, bool on_device) {
   DepthSource source = open_synthetic_source(config, static_cast<double>(frames + 2) / 30);
-  FitSetup setup = make_fit_setup(config, source.cameras, source.background);
+  FitSetup setup = make_fit_setup(config, source.cameras, source.background, open_device);
   FitSignature signature;
   run_offline(source.cameras, static_cast<int>(source.cameras.size()), *setup.fitter, [&](const FitInput&, const FrameRecord& record) {
+    if (const BackendStatus b = setup.fitter->backend(); on_device && !b.problem.empty()) throw std::runtime_error("signature: " + b.problem);
     signature.add(record);
     return signature.frames() < static_cast<std::uint64_t>(frames);
   });
   return signature.text();
+}
+
+}  // namespace
+
+std::string golden_signature(int threads, int frames) {
+  Config config;
+  config.fit.threads = threads;
+  return signature_of(config, frames, {}, false);
+}
+
+std::string golden_device_signature(int threads, int frames, const fit::DeviceOpen& open_device) {
+  Config config;
+  config.fit.threads = threads;
+  config.fit.preset = "paper";
+  config.fit.backend = "cuda";
+  return signature_of(config, frames, open_device, true);
 }
 
 }  // namespace booth::daemon

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "daemon/pipeline/frame_record.hpp"
+#include "fit/estimator.hpp"
 
 namespace booth::daemon {
 
@@ -25,6 +26,10 @@ class FitSignature {
 /// The golden frames: the simulated booth (test:1, showcase, Kinect v2 noise, seed 1), rendered on the fly from the committed models, fitted
 /// with `threads` threads. Throws as make_fit_setup().
 std::string golden_signature(int threads, int frames);
+
+/// The same frames with preset paper computed by a device (an emulated one where `open_device` makes it): every device has the same signature, since the
+/// kernels neither fuse nor reorder operations. Throws std::runtime_error that says why where the device is not there, or was lost on the way.
+std::string golden_device_signature(int threads, int frames, const fit::DeviceOpen& open_device = {});
 
 inline constexpr int kGoldenFrames = 30;
 

@@ -23,6 +23,12 @@ struct SwarmSizes {
   BrickFieldSettings field{};
 };
 
+/// What a back-end takes outside the process's ordinary memory.
+struct DeviceBytes {
+  std::size_t device = 0;  ///< of the graphics processor's own memory, by the sizes asked for
+  std::size_t pinned = 0;  ///< of the host's, locked, for the device to read and write
+};
+
 /// Of one minimise(); the spans belong to the back-end and hold until the next call.
 struct SwarmResult {
   std::span<const float> best;     ///< q, then beta
@@ -54,7 +60,9 @@ class SwarmBackend {
 
   virtual int dimensions(int model) const = 0;
   virtual const SwarmSettings& settings() const = 0;
+  /// Ordinary memory.
   virtual std::size_t memory_bytes() const = 0;
+  virtual DeviceBytes device_bytes() const { return {}; }
 };
 
 /// The swarm on the CPU. The models and the prior are only read here; the pool must outlive the back-end. `kernel` names one of swarm_kernels(); empty: the

@@ -42,12 +42,14 @@ class Swarm final : public DeviceSwarm {
   int dimensions(int model) const override { return packs_[static_cast<std::size_t>(model)].dimensions(); }
   const SwarmSettings& settings() const override { return sizes_.swarm; }
   std::size_t memory_bytes() const override {
-    std::size_t bytes = pinned_bytes_;
+    std::size_t bytes = 0;
     for (const EnergyPack& p : packs_) bytes += p.memory_bytes();
     return bytes;
   }
 
   /// Copies only; what there is to find out about the cloud, the device does.
+  DeviceBytes device_bytes() const override { return bytes_; }
+
   bool set_cloud(const Cloud& cloud) override {
     const int n = std::min(cloud.size, sizes_.field.max_points);
     const float* from[3] = {cloud.x.data(), cloud.y.data(), cloud.z.data()};
@@ -117,13 +119,14 @@ class Swarm final : public DeviceSwarm {
   T* take(std::size_t count) {
     T* out = nullptr;
     check(allocate(*device_, std::max<std::size_t>(count, 1), out));
+    bytes_.device += std::max<std::size_t>(count, 1) * sizeof(T);
     return out;
   }
   template <class T>
   T* take_pinned(std::size_t count, T*& host) {
     void *h = nullptr, *d = nullptr;
     check(device_->allocate_pinned(count * sizeof(T), h, d));
-    pinned_bytes_ += count * sizeof(T);
+    bytes_.pinned += count * sizeof(T);
     host = static_cast<T*>(h);
     return static_cast<T*>(d);
   }
@@ -252,14 +255,46 @@ class Swarm final : public DeviceSwarm {
   const SwarmFrame* swarm_from_ = nullptr;
   SwarmAnswer *answer_ = nullptr, *answer_device_ = nullptr;
   SwarmState state_{};
-  std::size_t pinned_bytes_ = 0;
+  DeviceBytes bytes_;
   int field_program_ = 0, best_known_ = -1;
   bool field_built_ = false;
   ParticleTerms terms_{};
   std::vector<float> best_, history_;
 };
 
+/// Gives out pinned memory, which its owner writes to at the start, and addresses of nothing for the rest.
+class CountingDevice final : public Device {
+ public:
+  const std::string& name() const override { return name_; }
+  int processors() const override { return 256; }
+  const std::string& problem() const override { return problem_; }
+  DeviceError allocate(std::size_t, void*& out) override {
+    out = this;
+    return DeviceError::none;
+  }
+  DeviceError allocate_pinned(std::size_t bytes, void*& host, void*& device) override {
+    memory_.push_back(std::make_unique<std::uint64_t[]>((bytes + 7) / 8));
+    host = device = memory_.back().get();
+    return DeviceError::none;
+  }
+  DeviceError upload(void*, const void*, std::size_t) override { return DeviceError::none; }
+  DeviceError record(std::span<const Step>, int& program) override {
+    program = 0;
+    return DeviceError::none;
+  }
+  DeviceError run(int) override { return DeviceError::absent; }
+  DeviceError time(int, int, int, double&) override { return DeviceError::absent; }
+
+ private:
+  std::string name_ = "counted", problem_;
+  std::vector<std::unique_ptr<std::uint64_t[]>> memory_;
+};
+
 }  // namespace
+
+DeviceBytes plan_device_swarm(std::span<const BodyModel* const> models, const PosePrior& prior, const SwarmSizes& sizes) {
+  return Swarm(std::make_unique<CountingDevice>(), models, prior, sizes).device_bytes();
+}
 
 std::unique_ptr<DeviceSwarm> make_device_swarm(std::unique_ptr<Device> device, std::span<const BodyModel* const> models, const PosePrior& prior,
                                                const SwarmSizes& sizes) {

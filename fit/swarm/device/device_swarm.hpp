@@ -30,4 +30,8 @@ class DeviceSwarm : public SwarmBackend {
 std::unique_ptr<DeviceSwarm> make_device_swarm(std::unique_ptr<Device> device, std::span<const BodyModel* const> models, const PosePrior& prior,
                                                const SwarmSizes& sizes);
 
+/// What make_device_swarm() would take of a device with many processors, found by asking one that only counts: for the memory plan of a machine whose device
+/// is away. Throws std::invalid_argument as make_device_swarm() does.
+DeviceBytes plan_device_swarm(std::span<const BodyModel* const> models, const PosePrior& prior, const SwarmSizes& sizes);
+
 }  // namespace booth::fit::device

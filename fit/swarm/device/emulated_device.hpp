@@ -1,6 +1,7 @@
 // A device that is the host: kernels run block by block, so that tests and machines without a graphics processor execute every line of them.
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <vector>
 
@@ -8,13 +9,13 @@
 
 namespace booth::fit::device {
 
-/// What goes wrong, and when; tests change it while the device works.
+/// What goes wrong, and when; tests change it while the device works, from any thread.
 struct Faults {
-  DeviceError at_start = DeviceError::none;  ///< of the first allocation
-  int allocations_left = -1;                 ///< then out of memory; -1: never
-  int runs_left = -1;                        ///< then `error`, for ever; -1: never
-  DeviceError error = DeviceError::lost;
-  int starts = 0;  ///< devices made with these faults
+  std::atomic<DeviceError> at_start{DeviceError::none};  ///< of the first allocation
+  std::atomic<int> allocations_left{-1};                 ///< then out of memory; -1: never
+  std::atomic<int> runs_left{-1};                        ///< then `error`, for ever; -1: never
+  std::atomic<DeviceError> error{DeviceError::lost};
+  std::atomic<int> starts{0};  ///< devices made with these faults
   Order order = Order::forwards;
 };
 

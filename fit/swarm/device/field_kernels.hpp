@@ -12,7 +12,7 @@
 
 namespace booth::fit::device {
 
-struct Point {
+struct alignas(16) Point {
   float x, y, z;
   std::int32_t index;  ///< in the cloud: where two points are equally near, the lower index wins, so that the order of threads does not matter
 };
@@ -346,13 +346,13 @@ struct BrickPlace {
 /// Every brick looks for the point nearest to its centre. A team of threads first asks each row of bricks around how far its nearest occupied brick is, then
 /// looks at the points of the one that promises most, then at the rows that may hold a nearer one.
 struct DescribeBricks {
-  static constexpr int kThreads = 128, kPhases = 5, kTeam = 8, kSide = kThreads / kTeam, kListed = 128;
+  static constexpr int kThreads = 128, kPhases = 5, kTeam = 8, kSide = kThreads / kTeam, kListed = 256;
   struct Shared {
     Nearest first[kThreads], best[kThreads];
     float promise[kThreads];           ///< square of how far the promising brick's furthest corner may be
     std::int32_t promising[kThreads];  ///< its place in m.start; -1: none is within reach
     std::int32_t listed[kSide];
-    std::int16_t row[kSide][kListed][2];  ///< y and z
+    std::int16_t row[kSide][kListed];  ///< as each_row() counts them
   };
   struct Private {};
   explicit DescribeBricks(const FieldMemory& memory) : m(memory) {}
@@ -377,7 +377,7 @@ struct DescribeBricks {
       float promise = 3e38f;
       std::int32_t promising = -1;
       if (!place.border)
-        each_row(f, place, layers, member, [&](std::int32_t y, std::int32_t z, float gx, float gy, float gz, std::int32_t x) {
+        each_row(f, place, layers, member, [&](int, std::int32_t y, std::int32_t z, float gx, float gy, float gz, std::int32_t x) {
           const float far = square((gx + 0.5f) * f.edge) + square((gy + 0.5f) * f.edge) + square((gz + 0.5f) * f.edge);
           if (far < promise && least2(f, gx, gy, gz) <= reach * reach) promise = far, promising = (z * f.bricks[1] + y) * (f.bricks[0] + 1) + x;
         });
@@ -392,17 +392,18 @@ struct DescribeBricks {
     } else if constexpr (kPhase == 2) {
       if (most_promising(s, leader) < 0) return;
       const float distance2 = of_team(s.first, leader).distance2;
-      each_row(f, place, layers, member, [&](std::int32_t y, std::int32_t z, float gx, float gy, float gz, std::int32_t) {
+      each_row(f, place, layers, member, [&](int row, std::int32_t, std::int32_t, float gx, float gy, float gz, std::int32_t) {
         if (least2(f, gx, gy, gz) > distance2) return;
         const std::int32_t at = add(&s.listed[team], 1);
-        if (at < kListed) s.row[team][at][0] = static_cast<std::int16_t>(y), s.row[team][at][1] = static_cast<std::int16_t>(z);
+        if (at < kListed) s.row[team][at] = static_cast<std::int16_t>(row);
       });
     } else if constexpr (kPhase == 3) {
       Nearest best = of_team(s.first, leader);
       if (s.listed[team] > kListed)
         search_rows<kTeam>(m, f, place.at[1], place.at[2], layers, place.centre, member, best);
-      else
-        for (std::int32_t i = 0; i < s.listed[team]; ++i) search_row<kTeam>(m, f, s.row[team][i][0], s.row[team][i][1], place.centre, member, best);
+      else  // a row is one thread's: finding where it begins and ends costs more than most rows' points
+        for (std::int32_t i = member, across = 2 * layers + 1; i < s.listed[team]; i += kTeam)
+          search_row<1>(m, f, place.at[1] + s.row[team][i] % across - layers, place.at[2] + s.row[team][i] / across - layers, place.centre, 0, best);
       s.best[t] = best;
     } else if (member == 0) {
       const Nearest best = of_team(s.best, leader);
@@ -422,18 +423,20 @@ struct DescribeBricks {
     const auto near = [&](float g) { return g > 0 ? (g - 0.5f) * f.edge - 1e-4f : 0.0f; };
     return square(near(gx)) + square(near(gy)) + square(near(gz));
   }
-  /// A team's member takes every kTeam-th row that has points: visit(y, z, bricks away along x, y and z, x of the nearest brick that has some).
+  /// A team's member takes every kTeam-th row that has points: visit(row, y, z, bricks away along x, y and z, x of the nearest brick that has some).
   template <class Visit>
   BOOTH_HOST_DEVICE void each_row(const FieldFrame& f, const BrickPlace& place, int layers, int member, const Visit& visit) const {
     const int across = 2 * layers + 1;
-    int dy = member % across - layers, dz = member / across - layers;
+    int row = member, dy = member % across - layers, dz = member / across - layers;
     while (dz <= layers) {
       const std::int32_t y = place.at[1] + dy, z = place.at[2] + dz;
       if (y >= 0 && y < f.bricks[1] && z >= 0 && z < f.bricks[2]) {
         const int dx = m.across[(z * f.bricks[1] + y) * f.bricks[0] + place.at[0]];
         if (dx != kNoneAcross)
-          visit(y, z, static_cast<float>(dx < 0 ? -dx : dx), static_cast<float>(dy < 0 ? -dy : dy), static_cast<float>(dz < 0 ? -dz : dz), place.at[0] + dx);
+          visit(row, y, z, static_cast<float>(dx < 0 ? -dx : dx), static_cast<float>(dy < 0 ? -dy : dy), static_cast<float>(dz < 0 ? -dz : dz),
+                place.at[0] + dx);
       }
+      row += kTeam;
       for (dy += kTeam; dy > layers; dy -= across) ++dz;
     }
   }
@@ -452,13 +455,9 @@ struct DescribeBricks {
 /// Every cell of a brick near the cloud looks for the point nearest to its own centre. A block takes a brick at a time: it collects the points that may be
 /// the nearest to any cell, then kTeam threads a cell compare them.
 struct DescribeCells {
-  static constexpr int kThreads = 256, kPhases = 4, kWarp = 32, kTeam = kThreads / kBrickCells, kCandidates = 1024;
-  struct alignas(16) Candidate {
-    float x, y, z;
-    std::int32_t index;
-  };
+  static constexpr int kThreads = 256, kPhases = 4, kWarp = 32, kTeam = kThreads / kBrickCells, kCandidates = 4096;
   struct Shared {
-    Candidate candidate[kCandidates];
+    std::int32_t candidate[kCandidates];  ///< places in m.sorted; deep inside a body thousands are about equally near
     Nearest best[kThreads];
     std::int32_t candidates;
   };
@@ -489,10 +488,7 @@ struct DescribeCells {
       Nearest best{3e38f, kNobody, 0, 0, 0};
       best.offer(m.nearest[b], centre[0], centre[1], centre[2]);
       if (s.candidates <= kCandidates) {
-        for (std::int32_t i = member; i < s.candidates; i += kTeam) {
-          const Candidate& p = s.candidate[i];
-          best.offer({p.x, p.y, p.z, p.index}, centre[0], centre[1], centre[2]);
-        }
+        for (std::int32_t i = member; i < s.candidates; i += kTeam) best.offer(m.sorted[s.candidate[i]], centre[0], centre[1], centre[2]);
       } else {  // a cloud so dense that they do not fit: each cell looks for itself
         const int layers = 1 + static_cast<int>((sqrtf(best.distance2) + 1e-4f) / f.edge);
         search_rows<kTeam>(m, f, place.at[1], place.at[2], layers, centre, member, best);
@@ -540,7 +536,7 @@ struct DescribeCells {
         const float more = v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - q2;
         if (more > 2 * h * (fabsf(v[0] - q[0]) + fabsf(v[1] - q[1]) + fabsf(v[2] - q[2])) + 1e-7f) continue;
         const std::int32_t at = add(&s.candidates, 1);
-        if (at < kCandidates) s.candidate[at] = {p.x, p.y, p.z, p.index};
+        if (at < kCandidates) s.candidate[at] = e;
       }
     }
   }

@@ -5,7 +5,10 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <chrono>
+#include <cmath>
 #include <cstring>
+#include <thread>
 
 #include "fit/swarm/device/cuda_device.hpp"
 
@@ -32,8 +35,10 @@ using fit::device::DeviceSwarm;
 
 struct Options {
   std::string backend = "cuda", motions;
-  bool check = false;
-  int repeats = 200, points = 60000, clips = 12, frames = 30;
+  bool check = false, curve = false;
+  int repeats = 200, points = 60000, clips = 12, frames = 30, seeds = 3;
+  double soak = 0, rate = 0;
+  std::string svg;
 };
 
 struct Answer {
@@ -104,8 +109,8 @@ struct Bench {
     report.add({"whole frame, cloud handed over to answer (host clock)", "ms", 1e3 * seconds[1], reference, 1e3 * seconds[0]});
     report.add({"field and swarm (device clock)", "ms", device_ms(*swarm, swarm->program(0, true)), reference, 1e3 * seconds[0]});
     report.add({"swarm alone (device clock)", "ms", device_ms(*swarm, swarm->program(0, false))});
-    const char* steps[] = {"clear field, take frame's box",
-                           "count points (reads the cloud over the bus)",
+    const char* steps[] = {"take the cloud over the bus, find its box",
+                           "count points",
                            "start rows",
                            "sort points",
                            "describe bricks",
@@ -117,11 +122,49 @@ struct Bench {
     report.add({"step by itself: answer", "ms", device_ms(*swarm, swarm->program(0, true), 7 + sizes.swarm.iterations)});
     const Answer ours = answer(*swarm, 1), theirs = answer(*cpu, 1);
     report.add({"energy found", "", static_cast<double>(ours.cost), "the CPU's, over its own field", static_cast<double>(theirs.cost)});
+    energies(*swarm, *cpu);
     fit::ParticleTerms a{}, b{};
     if (!swarm->evaluate(0, centre, a) || !cpu->evaluate(0, centre, b)) throw std::runtime_error("bench gpu: the device was lost");
     report.add({"point term of one particle", "mm", static_cast<double>(a.point), "the CPU's, over its own field", static_cast<double>(b.point)});
     report.add({"plane term of one particle", "mm", static_cast<double>(a.plane), "the CPU's, over its own field", static_cast<double>(b.plane)});
     check_bits(*swarm, sizes);
+  }
+
+  /// What the two back-ends find from many seeds: how far apart two runs are by chance alone, and whether one of the fields is worse.
+  void energies(fit::SwarmBackend& swarm, fit::SwarmBackend& cpu) const {
+    constexpr int kSeeds = 40;
+    double sum[2] = {}, squares[2] = {}, difference = 0;
+    for (std::uint64_t f = 0; f < kSeeds; ++f) {
+      const double e[2] = {static_cast<double>(answer(swarm, f).cost), static_cast<double>(answer(cpu, f).cost)};
+      for (int i = 0; i < 2; ++i) sum[i] += e[i], squares[i] += e[i] * e[i];
+      difference = std::max(difference, std::abs(e[0] - e[1]) / e[1]);
+    }
+    const auto deviation_of = [&](int i) { return std::sqrt(std::max(0.0, squares[i] / kSeeds - sum[i] * sum[i] / kSeeds / kSeeds)); };
+    report.add({"energy found, mean of 40 seeds", "", sum[0] / kSeeds, "the CPU's, over its own field", sum[1] / kSeeds});
+    report.add({"energy found, deviation over 40 seeds", "", deviation_of(0), "the CPU's, over its own field", deviation_of(1)});
+    report.add({"largest difference of the two in one seed", "%", 100 * difference});
+  }
+
+  /// Frames at a rate (0: as many as go), for whoever reads power and temperature meanwhile.
+  void soak() const {
+    const fit::BodyModel* model = &subject.model;
+    const auto swarm = make_swarm(emulated, {&model, 1}, subject.prior, {});
+    using Clock = std::chrono::steady_clock;
+    const auto begin = Clock::now();
+    std::vector<double> times;
+    for (std::uint64_t f = 0;; ++f) {
+      const auto start = Clock::now();
+      if (std::chrono::duration<double>(start - begin).count() >= o.soak) break;
+      answer(*swarm, f);
+      times.push_back(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
+      if (o.rate > 0)
+        std::this_thread::sleep_until(begin + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(static_cast<double>(f + 1) / o.rate)));
+    }
+    std::sort(times.begin(), times.end());
+    report.add({"frames", "", static_cast<double>(times.size())});
+    report.add({"whole frame, median", "ms", times[times.size() / 2]});
+    report.add({"whole frame, 99th percentile", "ms", times[times.size() * 99 / 100]});
+    report.add({"whole frame, longest", "ms", times.back()});
   }
 
   void scaling(const std::vector<int>& particles, const std::vector<int>& vertices) const {
@@ -156,24 +199,34 @@ void run(const Options& given, const Common& common, Report& report) {
   if (common.short_form) o.repeats = std::min(o.repeats, 3), o.points = std::min(o.points, 5000), o.clips = 1, o.frames = 2;
   const Bench bench(o, report);
   if (o.check) return check_small(bench, report);
+  if (o.soak > 0) return bench.soak();
   if (common.short_form && bench.emulated) {
     bench.scaling({16}, {});
-    if (!o.motions.empty()) budget_curve(bench.subject, o.motions, o.clips, o.frames, {16}, true, report);
+    if (!o.motions.empty()) budget_curve(bench.subject, {o.motions, o.svg, o.clips, o.frames, 1}, {16}, true, report);
     return;
   }
+  const auto curve = [&] {
+    budget_curve(bench.subject, {o.motions, o.svg, o.clips, o.frames, o.seeds}, {500, 1000, 2000, 5000, 10000, 20000, 50000}, bench.emulated, report);
+  };
+  if (o.curve) return curve();
   bench.paper_budget();
   bench.scaling({500, 1000, 2000, 5000, 10000, 20000, 50000}, {512, 1024, 2048, 4096, 6000});
-  if (!o.motions.empty()) budget_curve(bench.subject, o.motions, o.clips, o.frames, {500, 1000, 2000, 5000, 10000, 20000, 50000}, bench.emulated, report);
+  if (!o.motions.empty()) curve();
 }
 
 Run make(CLI::App& app) {
   auto o = std::make_shared<Options>();
   app.add_option("--backend", o->backend, "cuda, or emulated (slow: its times say nothing)")->check(CLI::IsMember({"cuda", "emulated"}))->capture_default_str();
   app.add_flag("--check", o->check, "Only a small swarm against the emulated device: for compute-sanitizer");
+  app.add_option("--soak", o->soak, "Only frames, for so many seconds: for readings of power and temperature")->check(CLI::Range(0.1, 1e5));
+  app.add_option("--rate", o->rate, "Frames per second of --soak; 0: as many as go")->check(CLI::Range(0.0, 1e4))->capture_default_str();
   app.add_option("--repeats", o->repeats, "Runs behind each median")->check(CLI::Range(1, 100000))->capture_default_str();
   app.add_option("--points", o->points, "Points of the cloud")->check(CLI::Range(100, 120000))->capture_default_str();
   app.add_option("--motions", o->motions, "Folder of joint angles with held-out clips: adds the curve of error against budget");
   app.add_option("--clips", o->clips, "Held-out clips of that curve")->check(CLI::Range(1, 10000))->capture_default_str();
+  app.add_option("--seeds", o->seeds, "Runs of each clip with other random numbers")->check(CLI::Range(1, 100))->capture_default_str();
+  app.add_flag("--curve", o->curve, "Only that curve");
+  app.add_option("--svg", o->svg, "File for a picture of that curve");
   app.add_option("--frames", o->frames, "Frames of each clip")->check(CLI::Range(1, 10000))->capture_default_str();
   return [o](const Common& common, Report& report) { run(*o, common, report); };
 }

@@ -21,7 +21,10 @@ std::vector<float> tracking_deviation(const fit::PosePrior& prior, int dimension
 
 /// Joint error against the swarm's size: follows `frames` frames of held-out motions in a folder of joint angles (docs/design/priors.md), each started from
 /// the frame before's answer.
-void budget_curve(const Subject& subject, const std::filesystem::path& motions, int clips, int frames, const std::vector<int>& particles, bool emulated,
-                  Report& report);
+struct BudgetCurve {
+  std::filesystem::path motions, svg;  ///< svg: a picture of the curve goes there; empty: none
+  int clips = 12, frames = 30, seeds = 3;
+};
+void budget_curve(const Subject& subject, const BudgetCurve& what, const std::vector<int>& particles, bool emulated, Report& report);
 
 }  // namespace booth::bench
