@@ -11,6 +11,7 @@
 #include "fit/body/skeleton.hpp"
 #include "fit/parallel.hpp"
 #include "tests/bench/gpu/gpu_bench.hpp"
+#include "tests/support/line_chart.hpp"
 
 namespace booth::bench {
 namespace {
@@ -64,33 +65,17 @@ struct Row {
   double mean, median, p95;
 };
 
-/// Two lines over the logarithm of the particles.
 void draw(const std::filesystem::path& file, const std::vector<Row>& rows) {
-  constexpr double kLeft = 60, kTop = 20, kWidth = 520, kHeight = 280;
-  double most = 0;
-  for (const Row& r : rows) most = std::max(most, r.p95);
-  most = 50 * std::ceil(most / 50);
-  const double first = std::log10(rows.front().particles), last = std::log10(std::max(rows.back().particles, rows.front().particles + 1));
-  const auto x = [&](int n) { return kLeft + kWidth * (std::log10(n) - first) / (last - first); };
-  const auto y = [&](double mm) { return kTop + kHeight * (1 - mm / most); };
-  std::ofstream out(file);
-  out << fmt::format("<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {:.0f} {:.0f}' font-family='sans-serif' font-size='12'>\n", kLeft + kWidth + 100,
-                     kTop + kHeight + 50)
-      << "<rect width='100%' height='100%' fill='white'/>\n";
-  for (double mm = 0; mm <= most; mm += 50)
-    out << fmt::format("<path d='M{} {:.1f}h{}' stroke='#ddd'/><text x='{}' y='{:.1f}' text-anchor='end'>{:.0f}</text>\n", kLeft, y(mm), kWidth, kLeft - 6,
-                       y(mm) + 4, mm);
-  const auto line = [&](const char* name, const char* colour, double Row::*value) {
-    std::string points;
-    for (const Row& r : rows) points += fmt::format("{:.1f},{:.1f} ", x(r.particles), y(r.*value));
-    out << fmt::format("<polyline points='{}' fill='none' stroke='{}' stroke-width='2'/><text x='{:.1f}' y='{:.1f}' fill='{}'>{}</text>\n", points, colour,
-                       x(rows.back().particles) + 6, y(rows.back().*value) + 4, colour, name);
+  tests::LineChart chart{
+      .title = "Held-out motions: joint error against the swarm's size", .x_label = "particles (10 iterations)", .y_label = "mm", .log_x = true, .lines = {}};
+  const auto line = [&](const char* name, double Row::*value) {
+    tests::LineChart::Line l{.name = name, .x = {}, .y = {}};
+    for (const Row& r : rows) l.x.push_back(r.particles), l.y.push_back(r.*value);
+    chart.lines.push_back(l);
   };
-  line("95 % of frames", "#b05020", &Row::p95), line("mean", "#2060a0", &Row::mean), line("median", "#308040", &Row::median);
-  for (const Row& r : rows) out << fmt::format("<text x='{:.1f}' y='{}' text-anchor='middle'>{}</text>\n", x(r.particles), kTop + kHeight + 18, r.particles);
-  out << fmt::format("<text x='{}' y='{}' text-anchor='middle'>particles (10 iterations)</text><text x='8' y='14'>joint error, mm</text>\n</svg>\n",
-                     kLeft + kWidth / 2, kTop + kHeight + 40);
-  if (!out.flush()) throw std::runtime_error("bench gpu: " + file.string() + " cannot be written");
+  line("95 % of frames", &Row::p95), line("mean", &Row::mean), line("median", &Row::median);
+  std::ofstream out(file);
+  if (!(out << tests::to_svg(chart)).flush()) throw std::runtime_error("bench gpu: " + file.string() + " cannot be written");
 }
 
 }  // namespace

@@ -218,8 +218,9 @@ TEST_F(ProgramTest, SystemdFindsNothingWrongWithTheUnit) {
   std::filesystem::copy_file(BOOTH_SOURCE_DIR "/systemd/boothd.service.d/cuda.conf", folder.path / "boothd.service.d/cuda.conf");
   EXPECT_EQ(std::system(("systemd-analyze verify " + file.string() + " > " + (folder.path / "verify").string() + " 2>&1").c_str()), 0);
   EXPECT_EQ(read_text(folder.path / "verify"), "");
-  if (std::system(("systemd-analyze security --offline=true " + file.string() + " > " + (folder.path / "security").string() + " 2>&1").c_str()) == 0)
+  if (std::system(("systemd-analyze security --offline=true " + file.string() + " > " + (folder.path / "security").string() + " 2>&1").c_str()) == 0) {
     EXPECT_NE(read_text(folder.path / "security").find("char-nvidia*:rw"), std::string::npos);
+  }
 }
 
 }  // namespace
