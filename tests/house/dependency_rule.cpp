@@ -51,8 +51,8 @@ std::string library_of(const std::string& header) {
   if (header.find('.') == std::string::npos && header.find('/') == std::string::npos) return "std";
   static const std::set<std::string> c_of_cpp{"math.h", "float.h"};  // what a device's compiler takes, too
   if (c_of_cpp.contains(header)) return "std";
-  static const std::set<std::string> posix{"unistd.h", "fcntl.h", "poll.h",  "time.h",  "signal.h", "stdlib.h",  "pthread.h", "dirent.h",
-                                           "grp.h",    "pwd.h",   "errno.h", "sched.h", "netdb.h",  "ifaddrs.h", "termios.h", "spawn.h"};
+  static const std::set<std::string> posix{"cpuid.h", "unistd.h", "fcntl.h", "poll.h",  "time.h",  "signal.h",  "stdlib.h",  "pthread.h", "dirent.h",
+                                           "grp.h",   "pwd.h",    "errno.h", "sched.h", "netdb.h", "ifaddrs.h", "termios.h", "spawn.h"};
   if (posix.contains(header) || starts_with(header, "sys/") || starts_with(header, "linux/") || starts_with(header, "net/") ||
       starts_with(header, "netinet/") || starts_with(header, "arpa/"))
     return "POSIX";

@@ -4,11 +4,13 @@ include(GNUInstallDirs)
 install(TARGETS boothd boothctl RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT boothd)
 install(DIRECTORY fit/models/ DESTINATION ${CMAKE_INSTALL_DATADIR}/boothd/models COMPONENT models FILES_MATCHING PATTERN "*.npz" PATTERN "*.csv")
 install(DIRECTORY daemon/dds/idl/ DESTINATION ${CMAKE_INSTALL_DATADIR}/boothd/idl COMPONENT dev FILES_MATCHING PATTERN "*.idl")
-install(FILES toolchain/packaging/boothdConfig.cmake DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/boothd COMPONENT dev)
+install(FILES toolchain/packaging/boothdConfig.cmake DESTINATION ${CMAKE_INSTALL_DATADIR}/cmake/boothd COMPONENT dev)
 
 # systemd's folders are below /usr/lib of the host whatever the architecture; Debian 12's debhelper puts them below /lib, which is a link to it.
 file(GLOB units CONFIGURE_DEPENDS systemd/*.service systemd/*.path systemd/*.slice)
 file(GLOB udev_rules CONFIGURE_DEPENDS systemd/*.rules)
+# What a graphics processor needs is for the administrator to put in place (docs/guide/gpu.md).
+install(DIRECTORY systemd/boothd.service.d DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/boothd/examples COMPONENT boothd OPTIONAL)
 install(FILES ${units} DESTINATION /lib/systemd/system COMPONENT boothd)
 install(FILES ${udev_rules} DESTINATION /lib/udev/rules.d COMPONENT boothd)
 install(FILES systemd/boothd.sysusers DESTINATION /usr/lib/sysusers.d RENAME boothd.conf COMPONENT boothd)
@@ -26,7 +28,7 @@ endif()
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_VENDOR "the boothd developers")
-set(CPACK_PACKAGE_CONTACT "boothd developers <boothd@localhost>")
+set(CPACK_PACKAGE_CONTACT "boothd developers <boothd@boothd.dev>")
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
@@ -39,27 +41,27 @@ set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
 set(CPACK_DEBIAN_COMPRESSION_TYPE xz)
 
 set(CPACK_DEBIAN_BOOTHD_PACKAGE_NAME boothd)
-set(CPACK_COMPONENT_BOOTHD_DESCRIPTION "capture booth: body model and live skeleton from depth cameras
+set(CPACK_DEBIAN_BOOTHD_DESCRIPTION "capture booth: body model and live skeleton from depth cameras
  The daemon inside an installed capture booth, and the command by which people
  talk to it. Four depth cameras see a person; boothd finds that person's own
  body model and publishes the skeleton live over DDS.")
 set(CPACK_DEBIAN_BOOTHD_PACKAGE_SECTION misc)
 set(CPACK_DEBIAN_BOOTHD_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_BOOTHD_PACKAGE_DEPENDS "boothd-models (= ${PROJECT_VERSION}-1), init-system-helpers (>= 1.51)")
+set(CPACK_DEBIAN_BOOTHD_PACKAGE_DEPENDS "boothd-models (= ${PROJECT_VERSION}-1), init-system-helpers (>= 1.51), adduser")
 set(CPACK_DEBIAN_BOOTHD_PACKAGE_RECOMMENDS "systemd (>= 252), udev")
 set(CPACK_DEBIAN_BOOTHD_DEBUGINFO_PACKAGE ON)
 set(scripts ${PROJECT_SOURCE_DIR}/toolchain/packaging)
 set(CPACK_DEBIAN_BOOTHD_PACKAGE_CONTROL_EXTRA "${scripts}/postinst;${scripts}/prerm;${scripts}/postrm;${scripts}/conffiles")
 
 set(CPACK_DEBIAN_MODELS_PACKAGE_NAME boothd-models)
-set(CPACK_COMPONENT_MODELS_DESCRIPTION "body models and pose prior for boothd
+set(CPACK_DEBIAN_MODELS_DESCRIPTION "body models and pose prior for boothd
  Body shapes of men and women, and what human poses look like, as statistics
  trained from public data; the bodies that were set aside for measuring errors.")
 set(CPACK_DEBIAN_MODELS_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_MODELS_PACKAGE_ARCHITECTURE all)
 
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME boothd-dev)
-set(CPACK_COMPONENT_DEV_DESCRIPTION "DDS types of boothd, for programs that subscribe to it
+set(CPACK_DEBIAN_DEV_DESCRIPTION "DDS types of boothd, for programs that subscribe to it
  The IDL of the topics and a CMake package that compiles it.")
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION devel)
 set(CPACK_DEBIAN_DEV_PACKAGE_ARCHITECTURE all)

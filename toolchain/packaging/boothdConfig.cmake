@@ -1,10 +1,7 @@
 # find_package(boothd): boothd_add_messages(TARGET) makes a library of the DDS types, compiled from the installed IDL; needs Cyclone DDS.
 include(CMakeFindDependencyMacro)
 find_dependency(CycloneDDS)
-get_filename_component(boothd_IDL_DIR "${CMAKE_CURRENT_LIST_DIR}/../../../share/boothd/idl" ABSOLUTE)
-if(NOT EXISTS "${boothd_IDL_DIR}")
-  get_filename_component(boothd_IDL_DIR "${CMAKE_CURRENT_LIST_DIR}/../../../../share/boothd/idl" ABSOLUTE)
-endif()
+get_filename_component(boothd_IDL_DIR "${CMAKE_CURRENT_LIST_DIR}/../../boothd/idl" ABSOLUTE)
 file(GLOB boothd_IDL_FILES "${boothd_IDL_DIR}/*.idl")
 if(NOT boothd_IDL_FILES)
   set(boothd_FOUND FALSE)
