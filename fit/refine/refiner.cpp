@@ -27,6 +27,7 @@ constexpr float kBackgroundMargin = 0.05f;  // m
 constexpr float kSilhouetteMargin = 2.0f;   // pixels that an eroded outline may lack
 constexpr float kFreeSpaceScale = 0.15f;    // m; robust scale of free-space residuals
 constexpr float kFloorScale = 0.05f;        // m
+constexpr int kTangentialStep = 4;          // every so many points pull along the surface too, for all of them: a row costs the same whatever its weight
 constexpr float kNormalGate = 0.2f;         // cosine between a point's and a vertex's normal
 constexpr double kFirstDamping = 1e-3, kMostDamping = 1e6;
 constexpr double kLongestTurn = 0.35, kLongestMove = 0.15, kLongestShape = 1.0;  // of one step: rad, m, standard deviations
@@ -118,8 +119,9 @@ void Refiner::collect(const Problem& problem, int portion) {
     out.data += static_cast<double>(robust.cost(r2) / robust.scale2);
     out.energy += static_cast<double>(data_weight * robust.cost(r2));
     add_row(v, n, along, w);
+    if (tangential <= 0 || s % kTangentialStep != 0) continue;
     const float length = across.norm();
-    if (tangential > 0 && length > 1e-4f) add_row(v, across / length, length, w * tangential);
+    if (length > 1e-4f) add_row(v, across / length, length, w * tangential * kTangentialStep);
   }
 
   // Model to cloud, for clouds without images: a vertex whose side of the body was measured nearby belongs there.
