@@ -1,0 +1,15 @@
+// The plan of every table.
+#pragma once
+
+#include "tests/accuracy/report/plan.hpp"
+
+namespace booth::accuracy {
+
+Plan plan_table_1(const Request& request);  ///< clean clouds
+Plan plan_table_2(const Request& request);  ///< noisy clouds
+Plan plan_start(const Request& request);
+Plan plan_tracking(const Request& request);
+Plan plan_measurements(const Request& request);
+Plan plan_uncertainty(const Request& request);
+
+}  // namespace booth::accuracy
