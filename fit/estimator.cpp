@@ -56,7 +56,7 @@ struct Estimator::Impl {
       if (!model || (s.sex == SexChoice::men && model->sex() != Sex::men) || (s.sex == SexChoice::women && model->sex() != Sex::women)) continue;
       Candidate c;
       c.model = model;
-      if (s.preset == Preset::booth) c.booth = std::make_unique<BoothFitter>(*model, *prior, pool);
+      if (s.preset == Preset::booth) c.booth = std::make_unique<BoothFitter>(*model, *prior, pool, s.parts);
       c.diagnostics = std::make_unique<Diagnostics>(*model);
       candidates.push_back(std::move(c));
     }
@@ -68,8 +68,11 @@ struct Estimator::Impl {
   void make_paper_fitters() {
     std::vector<const BodyModel*> models;
     for (const Candidate& c : candidates) models.push_back(c.model.get());
+    PaperWeights weights;
+    if (!settings.parts.pose_prior) weights.pose = 0;
+    if (!settings.parts.shape_prior) weights.shape = 0;
     const SwarmSizes sizes{.swarm = settings.swarm,
-                           .energy = {.shape_count = PaperFitter::kShapeCount, .vertices = PaperFitter::kVertices},
+                           .energy = {.shape_count = PaperFitter::kShapeCount, .vertices = PaperFitter::kVertices, .weights = weights},
                            .field = {.max_points = settings.cloud_capacity}};
     swarm = make_cpu_swarm(models, *prior, sizes, pool);
     if (settings.backend == BackendChoice::cuda || (settings.backend == BackendChoice::automatic && device::cuda_built_in())) {

@@ -1,45 +1,16 @@
 // boothctl bench: the fit signature, and the measurements of booth-bench, a program of the test tree that boothctl runs where it is installed.
-#include <fmt/format.h>
-#include <unistd.h>
-
 #include <CLI/CLI.hpp>
-#include <array>
-#include <cerrno>
-#include <cstring>
-#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "daemon/ctl/test_program.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/pipeline/fit_signature.hpp"
 #include "fit/swarm/device/emulated_device.hpp"
 
 namespace booth::daemon {
 namespace {
-
-/// Beside boothctl in a build, in the private folder of an installation; empty where it is not installed.
-std::filesystem::path bench_program() {
-  std::error_code error;
-  const auto folder = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
-  for (const auto& candidate : {folder / "booth-bench", folder.parent_path() / "lib/boothd/booth-bench"})
-    if (!error && ::access(candidate.c_str(), X_OK) == 0) return candidate;
-  return {};
-}
-
-/// Becomes booth-bench; returns only by an exception.
-[[noreturn]] void become_bench(const std::string& task, const std::vector<std::string>& rest) {
-  const auto program = bench_program();
-  if (program.empty())
-    throw VerbFailure(fmt::format("bench {}: booth-bench is not installed beside boothctl; it comes with a build of the source tree (toolchain/test)", task));
-  std::vector<std::string> words{program.string(), task};
-  words.insert(words.end(), rest.begin(), rest.end());
-  std::vector<char*> arguments;
-  for (std::string& word : words) arguments.push_back(word.data());
-  arguments.push_back(nullptr);
-  ::execv(program.c_str(), arguments.data());
-  throw VerbFailure(fmt::format("bench {}: {} cannot be started: {}", task, program.string(), std::strerror(errno)));
-}
 
 void add_signature_verb(CLI::App& bench) {
   struct Options {
@@ -101,7 +72,11 @@ void add_bench_verb(CLI::App& app) {
     CLI::App* verb = bench->add_subcommand(task.name, task.what);
     verb->prefix_command();
     verb->set_help_flag();  // booth-bench knows the options
-    verb->callback([verb, task] { become_bench(task.name, verb->remaining()); });
+    verb->callback([verb, task] {
+      std::vector<std::string> arguments{task.name};
+      for (const std::string& word : verb->remaining()) arguments.push_back(word);
+      become_test_program(std::string("bench ") + task.name, "booth-bench", arguments);
+    });
   }
 }
 

@@ -22,6 +22,7 @@ void add_start_stop_verbs(CLI::App& app);  ///< start, stop
 void add_watch_verb(CLI::App& app);        ///< watch
 void add_track_verb(CLI::App& app);        ///< track
 void add_bench_verb(CLI::App& app);        ///< bench signature
+void add_evaluate_verb(CLI::App& app);     ///< evaluate
 void add_config_verb(CLI::App& app);       ///< config reference
 
 }  // namespace booth::daemon

@@ -22,13 +22,15 @@ constexpr double kLostFreeSpace = 0.45;
 constexpr double kVelocityMemory = 0.4;    // share of the old velocity in the new
 constexpr double kPredictionShare = 0.8;   // of the velocity that is trusted for one frame
 constexpr double kShapeFrameTrust = 0.25;  // frames 1/30 s apart are not independent looks at the body
+constexpr double kNoShapePrior = 1e-3;     // what is left of it where a study takes it away: the problem stays solvable
 constexpr double kMostShapeFrames = 60;    // the belief never weighs more than so many frames: it stays correctable
 
 }  // namespace
 
-BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerPool& pool)
+BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerPool& pool, const FitParts& parts)
     : model_(model),
       prior_(prior),
+      parts_(parts),
       search_(model, prior, pool),
       coarse_(model, prior, {.shape_count = 10, .vertices = 1500, .model_samples = 300}, pool),
       fine_(model, prior, {.shape_count = kShapeCount, .vertices = model.vertex_count(), .model_samples = 700}, pool) {
@@ -39,6 +41,12 @@ BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerP
   thorough_track_schedule_ = {.cloud_samples = 1500, .model_samples = 500, .shape = true, .stages = {{3, 0.05f, 0.15f}, {5, 0.025f, 0.10f}}};
   // Near the solution one robust scale and half the steps come to the same place: see docs/design/performance-pipeline.md.
   track_schedule_ = {.cloud_samples = 1500, .model_samples = 500, .shape = false, .stages = {{5, 0.03f, 0.12f}}};
+  if (!parts_.pose_prior) weights_.pose_outside = weights_.pose_inside = weights_.limits = 0;
+  if (!parts_.symmetry) weights_.bone = 0;
+  if (!parts_.two_sided) weights_.effective_points = weights_.free_space = 0;
+  if (!parts_.refinement)
+    for (RefineSchedule* s : {&coarse_schedule_, &middle_schedule_, &start_schedule_, &limb_schedule_, &thorough_track_schedule_, &track_schedule_})
+      for (auto& stage : s->stages) stage.iterations = 0;
   const auto identity = [](int n) {
     ShapeBelief b;
     b.mean = ShapeVector::Zero(n);
@@ -46,6 +54,7 @@ BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerP
     return b;
   };
   no_belief_ = identity(coarse_.shape_count());
+  if (!parts_.shape_prior) no_belief_.information *= kNoShapePrior;
   belief_ = identity(fine_.shape_count());
   vertex_velocity_ = Vertices::Zero(3, fine_.poser().size());
   candidates_.reserve(kBatches * kBatch);
@@ -57,6 +66,7 @@ void BoothFitter::reset() {
   lose();
   belief_.mean.setZero(fine_.shape_count());
   belief_.information.setIdentity(fine_.shape_count(), fine_.shape_count());
+  if (!parts_.shape_prior) belief_.information *= kNoShapePrior;
   beta_ = belief_.mean;
   if (shape_frames_ > 0) search_.set_shape(beta_);
   shape_frames_ = 0;
@@ -88,7 +98,7 @@ void BoothFitter::refine_fine(const Observation& observation, const RefineSchedu
 
 void BoothFitter::prepare_schedules(const Observation& observation) {
   // Without images only the cloud itself can say where the model does not belong.
-  for (RefineSchedule* s : {&coarse_schedule_, &middle_schedule_, &start_schedule_}) s->model_to_cloud = observation.views.empty();
+  for (RefineSchedule* s : {&coarse_schedule_, &middle_schedule_, &start_schedule_}) s->model_to_cloud = observation.views.empty() || !parts_.two_sided;
   middle_schedule_.shape = shape_frames_ == 0;
 }
 
@@ -193,7 +203,7 @@ bool BoothFitter::find_lost_limbs(const Observation& observation, const RefineSc
   const int count = search_.propose_limbs(observation, solution.beta, solution.q, poses);
   if (count == 0) return true;
   // Each against the pose as it is, on equal terms: a short coarse refinement of both.
-  limb_schedule_.model_to_cloud = observation.views.empty();
+  limb_schedule_.model_to_cloud = observation.views.empty() || !parts_.two_sided;
   const auto try_out = [&](PoseVector q) {
     ShapeVector beta = solution.beta.head(coarse_.shape_count());
     const RefineReport report = coarse_.refine(observation, weights_, limb_schedule_, {}, no_belief_, nullptr, q, beta);
@@ -258,7 +268,7 @@ Solution BoothFitter::track(const Observation& observation) {
   const Vertices* velocity = moving ? &vertex_velocity_ : nullptr;
   RefineSchedule& schedule = thorough_track_schedule_;
   schedule.shape = track_schedule_.shape = learn;
-  schedule.model_to_cloud = track_schedule_.model_to_cloud = observation.views.empty();
+  schedule.model_to_cloud = track_schedule_.model_to_cloud = observation.views.empty() || !parts_.two_sided;
   const bool quick = shape_settled() && tracked_frames_ > 0;
   refine_fine(observation, quick ? track_schedule_ : schedule, belief, velocity, s);
   if (quick && !convincing(s.report)) refine_fine(observation, schedule, belief, velocity, s);  // where the prediction was far off

@@ -7,6 +7,7 @@
 
 #include "fit/refine/refiner.hpp"
 #include "fit/swarm/start_search.hpp"
+#include "fit/track/fit_parts.hpp"
 
 namespace booth::fit {
 
@@ -21,7 +22,7 @@ struct Solution {
 /// Allocates in the constructor only. One thread calls at a time.
 class BoothFitter {
  public:
-  BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerPool& pool);
+  BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerPool& pool, const FitParts& parts = {});
 
   /// Forgets pose, motion and shape.
   void reset();
@@ -70,6 +71,7 @@ class BoothFitter {
 
   const BodyModel& model_;
   const PosePrior& prior_;
+  const FitParts parts_;
   RefineWeights weights_;
   StartSearch search_;
   Refiner coarse_, fine_;

@@ -20,10 +20,12 @@ struct FittedBody {
 /// Mean distance of the 15 main joints, metres.
 double main_joint_error(const fit::Points3& joints, const fit::Points3& truth);
 
-inline constexpr std::string_view kToVertex = "vertex to true vertex", kToSurface = "vertex to true surface", kJoints = "15 main joints", kBones = "bone lengths";
+inline constexpr std::string_view kToVertex = "vertex to true vertex", kToSurface = "vertex to true surface", kJoints = "15 main joints",
+                                  kBones = "bone lengths";
 
 /// Adds the body's errors in cm: of every vertex to the true vertex and to the true surface (weighted by area, and unweighted), joints, and bones.
-void add_errors(const FittedBody& fitted, const Subject& subject, const fit::PoseVector& truth, std::string_view case_name, std::string_view method, Samples& out);
+void add_errors(const FittedBody& fitted, const Subject& subject, const fit::PoseVector& truth, std::string_view case_name, std::string_view method,
+                Samples& out);
 
 /// Distance of each fitted vertex to the true surface, metres.
 std::vector<float> surface_distances(const fit::Vertices& fitted, const Subject& subject, const fit::PoseVector& truth);

@@ -14,7 +14,7 @@ namespace booth::accuracy {
 
 /// A motion before it is fitted to a body.
 struct Clip {
-  std::string name;                      ///< of its case in a table
+  std::string name;                       ///< of its case in a table
   std::vector<fit::PoseVector> frames{};  ///< recorded, 30 a second; empty: the project's own motion `name`
 };
 
@@ -26,8 +26,8 @@ struct Sighting {
   double time = 0;  ///< seconds since the first frame
   const fit::FitResult* result = nullptr;
   const fit::Estimator* estimator = nullptr;
-  double milliseconds = 0;                  ///< of processor time, cloud and fit
-  fit::PoseVector truth;                    ///< at the group's reference instant
+  double milliseconds = 0;                          ///< of processor time, cloud and fit
+  fit::PoseVector truth;                            ///< at the group's reference instant
   std::function<fit::PoseVector(double)> truth_at;  ///< so many seconds after that instant
 };
 
@@ -40,6 +40,7 @@ struct MotionSettings {
 };
 
 /// Follows the subject frame by frame; `each` sees every frame and returns false to end. Throws Interrupted when the person wants to stop.
-void follow(const Subjects& subjects, const Subject& subject, const Clip& clip, const MotionSettings& settings, const std::function<bool(const Sighting&)>& each);
+void follow(const Subjects& subjects, const Subject& subject, const Clip& clip, const MotionSettings& settings,
+            const std::function<bool(const Sighting&)>& each);
 
 }  // namespace booth::accuracy

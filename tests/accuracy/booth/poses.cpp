@@ -38,7 +38,8 @@ PoseVector with_right_arm(const PoseVector& q, const Arm& a) {
 }
 
 PoseVector stand() {
-  const PoseVector q = with(PoseVector::Zero(), {{"lfemur_rz", -17}, {"rfemur_rz", 17}, {"lfemur_rx", -3}, {"rfemur_rx", -3}, {"ltibia_rx", 6}, {"rtibia_rx", 6}});
+  const PoseVector q =
+      with(PoseVector::Zero(), {{"lfemur_rz", -17}, {"rfemur_rz", 17}, {"lfemur_rx", -3}, {"rfemur_rx", -3}, {"ltibia_rx", 6}, {"rtibia_rx", 6}});
   return with_right_arm(with_left_arm(q, kHanging), kHanging);
 }
 
@@ -67,9 +68,12 @@ PoseVector standing(const Subject& subject, const Eigen::MatrixXf& recorded, Ran
 PoseVector lying(Random& random) {
   PoseVector q = stand();
   const double side = random.uniform();
-  if (side < 0.4) q = with(q, {{"root_rx", -90}});       // on the back
-  else if (side < 0.7) q = with(q, {{"root_rx", 90}});   // on the front
-  else q = with(q, {{"root_rz", side < 0.85 ? 90.0 : -90.0}});
+  if (side < 0.4)
+    q = with(q, {{"root_rx", -90}});  // on the back
+  else if (side < 0.7)
+    q = with(q, {{"root_rx", 90}});  // on the front
+  else
+    q = with(q, {{"root_rz", side < 0.85 ? 90.0 : -90.0}});
   const bool front = side >= 0.4 && side < 0.7;
   for (const bool left : {true, false}) {
     const Arm arm{between(-40, 0, random), between(-20, 0, random), between(10, 85, random), between(5, 60, random)};
@@ -83,8 +87,17 @@ PoseVector lying(Random& random) {
 PoseVector crouching(Random& random) {
   const double pelvis = between(12, 30, random), hip = between(75, 110, random), knee = between(hip, 125, random);
   const double ankle = std::max(-35.0, hip - knee - pelvis);
-  PoseVector q = with(stand(), {{"root_rx", pelvis},   {"lfemur_rx", -hip},   {"rfemur_rx", -hip},  {"ltibia_rx", knee},   {"rtibia_rx", knee},
-                                {"lfoot_rx", ankle}, {"rfoot_rx", ankle}, {"upperback_rx", 12}, {"neck_rx", -15}, {"lfemur_ry", between(0, 14, random)}, {"rfemur_ry", -8}});
+  PoseVector q = with(stand(), {{"root_rx", pelvis},
+                                {"lfemur_rx", -hip},
+                                {"rfemur_rx", -hip},
+                                {"ltibia_rx", knee},
+                                {"rtibia_rx", knee},
+                                {"lfoot_rx", ankle},
+                                {"rfoot_rx", ankle},
+                                {"upperback_rx", 12},
+                                {"neck_rx", -15},
+                                {"lfemur_ry", between(0, 14, random)},
+                                {"rfemur_ry", -8}});
   const double forward = random.uniform();  // from hanging beside the knees to stretched out
   const Arm arm{-37 + 77 * forward, -15 + 15 * forward, 86, 26};
   q = with_right_arm(with_left_arm(q, arm), arm);
@@ -112,8 +125,18 @@ PoseVector study_pose(const Subject& subject, int number) {
   if (number == 1) return subject.model->rest_pose();
   if (number == 2) return with(with_right_arm(with_left_arm(stand(), {27, 42, 5, 95}), {33, 45, 8, 55}), {{"head_ry", 10}});
   PoseVector q = with_left_arm(with_right_arm(stand(), {-50, -14, 86, 38}), {5, -10, 80, 35});
-  return with(q, {{"root_rx", -6},     {"rfemur_rx", -65}, {"rtibia_rx", 15},    {"rfoot_rx", 12},    {"lfemur_rx", 2},  {"ltibia_rx", 12},
-                  {"lfoot_rx", -6}, {"upperback_rx", 10}, {"upperback_ry", 24}, {"upperback_rz", 4}, {"root_rz", 3}, {"head_ry", -15}});
+  return with(q, {{"root_rx", -6},
+                  {"rfemur_rx", -65},
+                  {"rtibia_rx", 15},
+                  {"rfoot_rx", 12},
+                  {"lfemur_rx", 2},
+                  {"ltibia_rx", 12},
+                  {"lfoot_rx", -6},
+                  {"upperback_rx", 10},
+                  {"upperback_ry", 24},
+                  {"upperback_rz", 4},
+                  {"root_rz", 3},
+                  {"head_ry", -15}});
 }
 
 std::string_view name_of(PoseKind kind) {
@@ -160,7 +183,8 @@ PoseVector on_stage(const Subject& subject, PoseVector q, double heading, double
 }
 
 PoseVector anywhere(const Subject& subject, const PoseVector& q, double radius, Random& random) {
-  const double heading = (2 * random.uniform() - 1) * std::numbers::pi, r = radius * std::sqrt(random.uniform()), turn = 2 * std::numbers::pi * random.uniform();
+  const double heading = (2 * random.uniform() - 1) * std::numbers::pi, r = radius * std::sqrt(random.uniform()),
+               turn = 2 * std::numbers::pi * random.uniform();
   return on_stage(subject, q, heading, r * std::cos(turn), r * std::sin(turn));
 }
 

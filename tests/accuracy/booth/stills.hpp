@@ -25,7 +25,8 @@ Stills render_stills(const Subject& subject, const std::vector<fit::PoseVector>&
 class Booth {
  public:
   Booth();
-  /// The observation of one pose as `cameras` (a bit each) saw it; it belongs to the Booth and holds until the next call. Its cloud is empty when nobody was seen.
+  /// The observation of one pose as `cameras` (a bit each) saw it; it belongs to the Booth and holds until the next call. Its cloud is empty when nobody was
+  /// seen.
   const fit::Observation& look(const Stills& stills, std::size_t pose, unsigned cameras = kAllCameras);
 
  private:

@@ -36,9 +36,7 @@ Subject Subjects::get(int number) const {
   return {number, &body, body.sex == fit::Sex::men ? models_.men : models_.women};
 }
 
-std::string Subjects::versions() const {
-  return fmt::format("{}, {}, {}", models_.men->data().version, models_.women->data().version, models_.prior->version);
-}
+std::string Subjects::versions() const { return fmt::format("{}, {}, {}", models_.men->data().version, models_.women->data().version, models_.prior->version); }
 
 std::string Subjects::identity() const {
   std::string out;

@@ -18,7 +18,7 @@ struct Trial {
 /// booth, paper, scape, icp.
 const std::vector<std::string>& method_names();
 
-/// Fits with the method and adds its errors (add_errors()) under the case.
-void fit_and_compare(const std::string& method, const Trial& trial, const std::string& case_name, Samples& out);
+/// Fits with the method, adds its errors (add_errors()) under the case, and returns the fitted vertices.
+fit::Vertices fit_and_compare(const std::string& method, const Trial& trial, const std::string& case_name, Samples& out);
 
 }  // namespace booth::accuracy

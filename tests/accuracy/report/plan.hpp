@@ -15,8 +15,8 @@ class Subjects;
 
 /// What a person asked for.
 struct Request {
-  bool short_form = false;                    ///< a part of the bodies and poses: minutes instead of hours
-  std::filesystem::path data;                 ///< folder with train/q.npy and train/clips.csv; empty: motions of the project's own
+  bool short_form = false;                     ///< a part of the bodies and poses: minutes instead of hours
+  std::filesystem::path data;                  ///< folder with train/q.npy and train/clips.csv; empty: motions of the project's own
   std::shared_ptr<const Subjects> subjects{};  ///< models and set-aside bodies
 };
 

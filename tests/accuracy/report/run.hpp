@@ -11,9 +11,9 @@ namespace booth::accuracy {
 
 struct RunOptions {
   Request request;
-  std::filesystem::path out;  ///< empty: nothing is written
-  std::string command;        ///< as the pages name it
-  std::string identity;       ///< program and models; results of another one are not resumed
+  std::filesystem::path out;                                 ///< empty: nothing is written
+  std::string command;                                       ///< as the pages name it
+  std::string identity;                                      ///< program and models; results of another one are not resumed
   std::vector<std::pair<std::string, std::string>> facts{};  ///< Table::facts
 };
 

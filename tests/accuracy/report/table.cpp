@@ -40,7 +40,10 @@ std::string rows_in_markdown(const Table& table, const Plan& plan) {
     std::string goals;
     for (const GoalState& s : states)
       if (s.row == &row)
-        goals += fmt::format("{}{}{} {}: {}", goals.empty() ? "" : "; ", s.goal->figure == Goal::Figure::mean ? "" : s.goal->figure == Goal::Figure::p95 ? "95 % " : "most ",
+        goals += fmt::format("{}{}{} {}: {}", goals.empty() ? "" : "; ",
+                             s.goal->figure == Goal::Figure::mean  ? ""
+                             : s.goal->figure == Goal::Figure::p95 ? "95 % "
+                                                                   : "most ",
                              s.goal->at_least ? ">=" : "<=", number(s.goal->limit), s.met ? "met" : "**missed**");
     out += fmt::format("| {} | {} | {}, {} | {} | {} | {} | {} | {} | {} |\n", row.case_name, row.method, row.metric, share ? "%" : row.unit,
                        number(row.tally.mean()), share ? "" : number(row.tally.sd()), share ? "" : number(row.tally.quantile(0.95)),

@@ -53,7 +53,8 @@ Plan plan_measurements(const Request& request) {
   Plan plan;
   const double seconds = request.short_form ? 1 : 3;
   plan.protocol = fmt::format(
-      "Set-aside bodies turn on the stage before four cameras with Kinect v2 noise. Their measures by ANSUR II's definitions (`fit/body/measure.hpp`) are read off the fitted resting body after "
+      "Set-aside bodies turn on the stage before four cameras with Kinect v2 noise. Their measures by ANSUR II's definitions (`fit/body/measure.hpp`) are read "
+      "off the fitted resting body after "
       "the first frame and after {:g} s, and compared with those of the true mesh by the same tape. The mean is the mean absolute error.",
       seconds);
   for (int body = 1; body <= request.subjects->count(); body += request.short_form ? 30 : 1)

@@ -109,11 +109,15 @@ Samples reacquire(const Subjects& subjects, int first, int second, const char* m
 Plan plan_start(const Request& request) {
   Plan plan;
   plan.protocol = fmt::format(
-      "Every pose is one frame of four cameras with Kinect v2 noise; the estimator (preset `booth`, men and women both possible) knows nothing before it. The heading is "
-      "even over the whole turn, the place within 35 cm of the centre. Standing poses are {}; the other kinds are written, with every angle drawn at random. Found means a mean error "
+      "Every pose is one frame of four cameras with Kinect v2 noise; the estimator (preset `booth`, men and women both possible) knows nothing before it. The "
+      "heading is "
+      "even over the whole turn, the place within 35 cm of the centre. Standing poses are {}; the other kinds are written, with every angle drawn at random. "
+      "Found means a mean error "
       "of the 15 main joints below 5 cm. Bodies are set-aside ones, men and women in equal numbers. Times are processor time of one thread.",
-      request.data.empty() ? "instants of the project's own motions, every angle then moved by up to 6 degrees" : "frames of recorded motions that were set aside before training");
-  const auto recorded = std::make_shared<const Eigen::MatrixXf>(request.data.empty() ? Eigen::MatrixXf(fit::kDofs, 0) : held_out_frames(request.data, *request.subjects, 5));
+      request.data.empty() ? "instants of the project's own motions, every angle then moved by up to 6 degrees"
+                           : "frames of recorded motions that were set aside before training");
+  const auto recorded =
+      std::make_shared<const Eigen::MatrixXf>(request.data.empty() ? Eigen::MatrixXf(fit::kDofs, 0) : held_out_frames(request.data, *request.subjects, 5));
   // 500 poses: 90 bodies, three standing ones and, in turns, the others.
   const int step = request.short_form ? 15 : 1;
   for (int body = 1; body <= request.subjects->count(); body += step) {

@@ -48,7 +48,7 @@ Samples follow_one(const Subjects& subjects, int body, const Clip& clip, double 
     return true;
   });
   both("longest loss of a clip", "s", longest);
-  if (frames > 30) {
+  if (frames > 20) {
     const int least = static_cast<int>(std::min_element(lag_error, lag_error + kLags) - lag_error);
     both("lag of the filter (shift of the truth that explains it best)", "ms", std::max(0.0, 1000 * (least - 5) * kLagStep));
   }
@@ -89,9 +89,12 @@ Plan plan_tracking(const Request& request) {
   Plan plan;
   plan.protocol = fmt::format(
       "Preset `booth` follows set-aside bodies through {}, from four free-running cameras with Kinect v2 noise, in the daemon's order of work (`step`), the "
-      "first frame from nothing. A lost frame counts with the joints that it reported. Joint errors are against the truth at the group's reference instant. The lag is the delay of the "
-      "truth that fits the estimates best, in steps of 5 ms: what the motion model and the temporal term cost. At rest: a body that does not move, after its first second.",
-      request.data.empty() ? "the project's own motions" : "recorded motions that were set aside before training, and own ones of kinds that are missing there");
+      "first frame from nothing. A lost frame counts with the joints that it reported. Joint errors are against the truth at the group's reference instant. "
+      "The lag is the delay of the "
+      "truth that fits the estimates best, in steps of 5 ms: what the motion model and the temporal term cost. At rest: a body that does not move, after its "
+      "first second.",
+      request.data.empty() ? "the project's own motions"
+                           : "recorded motions that were set aside before training, and own ones of kinds that are missing there");
   const std::vector<int> bodies = request.short_form ? std::vector<int>{4} : std::vector<int>{4, 23, 38, 49, 67, 82};
   const double seconds = request.short_form ? 2 : 12;
   int turn = 0;
@@ -105,8 +108,8 @@ Plan plan_tracking(const Request& request) {
     }
   }
   for (const int body : bodies)
-    plan.units.push_back(
-        {fmt::format("at rest test:{}", body), [subjects = request.subjects, body, s = request.short_form ? 2.0 : 5.0] { return stand_still(*subjects, body, s); }});
+    plan.units.push_back({fmt::format("at rest test:{}", body),
+                          [subjects = request.subjects, body, s = request.short_form ? 2.0 : 5.0] { return stand_still(*subjects, body, s); }});
   plan.goals = {{"*", "booth", "15 main joints, mean of a frame", false, 2},
                 {"*", "booth", "each of the 15 main joints", false, 4.5, Goal::Figure::p95},
                 {"*", "booth", "longest loss of a clip", false, 0.5, Goal::Figure::most},

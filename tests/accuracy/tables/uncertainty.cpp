@@ -33,10 +33,11 @@ void add(Samples& out, const std::string& case_name, const fit::FitResult& resul
 Samples follow_one(const Subjects& subjects, int body, const Clip& clip, double seconds, unsigned cameras, const std::string& case_name) {
   const Subject subject = subjects.get(body);
   Samples out;
-  follow(subjects, subject, clip, {.seconds = seconds, .seed = static_cast<std::uint64_t>(body), .cameras = cameras, .heading = 0.7 * body}, [&](const Sighting& s) {
-    if (s.result->state != fit::FitState::lost) add(out, case_name, *s.result, subject.joints(s.truth));
-    return true;
-  });
+  follow(subjects, subject, clip, {.seconds = seconds, .seed = static_cast<std::uint64_t>(body), .cameras = cameras, .heading = 0.7 * body},
+         [&](const Sighting& s) {
+           if (s.result->state != fit::FitState::lost) add(out, case_name, *s.result, subject.joints(s.truth));
+           return true;
+         });
   return out;
 }
 
@@ -45,8 +46,10 @@ Samples follow_one(const Subjects& subjects, int body, const Clip& clip, double 
 Plan plan_uncertainty(const Request& request) {
   Plan plan;
   plan.protocol =
-      "Held-out bodies and motions with Kinect v2 noise, as in table tracking. Coverage is the share of joints (the 15 main ones) whose true place lies within the ellipsoid "
-      "that the stated covariance gives for 68 % and 95 %. With one camera (front-left) half of the body is hidden: how many joints are said to be inferred, and what that is worth.";
+      "Held-out bodies and motions with Kinect v2 noise, as in table tracking. Coverage is the share of joints (the 15 main ones) whose true place lies within "
+      "the ellipsoid "
+      "that the stated covariance gives for 68 % and 95 %. With one camera (front-left) half of the body is hidden: how many joints are said to be inferred, "
+      "and what that is worth.";
   const std::vector<int> bodies = request.short_form ? std::vector<int>{9} : std::vector<int>{9, 27, 42, 55, 73, 86};
   const double seconds = request.short_form ? 2 : 6;
   int turn = 0;
@@ -55,7 +58,8 @@ Plan plan_uncertainty(const Request& request) {
     for (const int body : bodies) {
       if (!request.short_form && turn++ % 3 != 0) continue;
       for (const auto& [cameras, name] : {std::pair{0xFu, "four cameras"}, {0x1u, "one camera"}})
-        plan.units.push_back({fmt::format("{} {} test:{}", name, clip.name, body), [subjects = request.subjects, body, clip, seconds, cameras = cameras, name = std::string(name)] {
+        plan.units.push_back({fmt::format("{} {} test:{}", name, clip.name, body),
+                              [subjects = request.subjects, body, clip, seconds, cameras = cameras, name = std::string(name)] {
                                 return follow_one(*subjects, body, clip, seconds, cameras, name);
                               }});
     }

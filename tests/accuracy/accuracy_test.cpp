@@ -1,0 +1,287 @@
+// The study in small: errors on a few set-aside bodies that no change may let grow, and the command's behaviour when all does not go well.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+#include <thread>
+
+#include "tests/accuracy/booth/motion_run.hpp"
+#include "tests/accuracy/booth/poses.hpp"
+#include "tests/accuracy/booth/stills.hpp"
+#include "tests/accuracy/methods/methods.hpp"
+#include "tests/accuracy/report/journal.hpp"
+#include "tests/accuracy/report/pictures.hpp"
+#include "tests/accuracy/report/run.hpp"
+#include "tests/accuracy/tables/tables.hpp"
+
+namespace booth::accuracy {
+
+bool stop_requested() { return false; }
+
+namespace {
+
+std::filesystem::path fresh_folder(const std::string& name) {
+  const auto folder = std::filesystem::temp_directory_path() / ("booth-accuracy-" + std::to_string(getpid()) + "-" + name);
+  std::filesystem::remove_all(folder);
+  std::filesystem::create_directories(folder);
+  return folder;
+}
+
+std::string contents(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  std::ostringstream out;
+  out << file.rdbuf();
+  return out.str();
+}
+
+const Request& short_request() {
+  static const Request request{true, {}, std::make_shared<const Subjects>(std::filesystem::path(BOOTH_SOURCE_DIR) / "fit/models")};
+  return request;
+}
+
+/// All units whose key contains `part`.
+Samples run_units(const Plan& plan, const std::string& part) {
+  Samples out;
+  for (const Unit& unit : plan.units)
+    if (unit.key.find(part) != std::string::npos) out.merge(unit.run());
+  return out;
+}
+
+double mean_of(const Samples& samples, const std::string& case_name, const std::string& method, std::string_view metric) {
+  const Sample* s = samples.find(case_name, method, metric);
+  if (s == nullptr) ADD_FAILURE() << "no row " << case_name << ", " << method << ", " << metric;
+  return s != nullptr ? s->tally.mean() : std::nan("");
+}
+
+TEST(Tally, MeanSpreadAndQuantilesAreThoseOfTheValuesHoweverTheyWereMerged) {
+  Tally all, odd, even;
+  for (int i = 1; i <= 1000; ++i) {
+    all.add(i);
+    (i % 2 ? odd : even).add(i);
+  }
+  odd.merge(Tally::from_json(even.to_json()));
+  for (const Tally* t : {&all, &odd}) {
+    EXPECT_NEAR(t->mean(), 500.5, 1e-9);
+    EXPECT_NEAR(t->sd(), std::sqrt((1000.0 * 1000 - 1) / 12), 1e-6);
+    EXPECT_NEAR(t->quantile(0.95), 950, 950 * 0.005);
+    EXPECT_EQ(t->most(), 1000);
+  }
+}
+
+TEST(Tally, WeightsCountAndWhatIsNoNumberIsRefused) {
+  Tally t;
+  t.add(1, 3);
+  t.add(5, 1);
+  EXPECT_DOUBLE_EQ(t.mean(), 2);
+  EXPECT_THROW(t.add(std::nan("")), std::invalid_argument);
+  EXPECT_THROW(t.add(1, -1), std::invalid_argument);
+}
+
+TEST(Journal, GoesOnWhereItEndedAndDropsALineThatWasCutOff) {
+  const auto folder = fresh_folder("journal");
+  Samples one;
+  record(one, "case", "booth", "metric", "cm", 1.5);
+  {
+    Journal j(folder, "t", "build 1");
+    j.add("a", {one, 2});
+    j.add("b", {one, 3});
+  }
+  const std::string whole = contents(folder / "t.partial.jsonl");
+  std::ofstream(folder / "t.partial.jsonl", std::ios::trunc) << whole.substr(0, whole.size() - 9);
+  {
+    Journal j(folder, "t", "build 1");
+    EXPECT_EQ(j.resumed(), 1u);
+    ASSERT_NE(j.find("a"), nullptr);
+    EXPECT_EQ(j.find("a")->samples.find("case", "booth", "metric")->tally.mean(), 1.5);
+    EXPECT_EQ(j.find("b"), nullptr);
+  }
+  EXPECT_EQ(Journal(folder, "t", "build 2").resumed(), 0u) << "another build's results are not mixed in";
+  std::filesystem::remove_all(folder);
+}
+
+TEST(Run, WritesJsonAndMarkdownAndJudgesTheGoals) {
+  const Experiment experiment{"tiny", "A tiny table", [](const Request&) {
+                                Plan plan;
+                                plan.protocol = "Nothing.";
+                                for (const double v : {1.0, 3.0})
+                                  plan.units.push_back({std::to_string(v), [v] {
+                                                          Samples s;
+                                                          record(s, "here", "booth", "error", "cm", v);
+                                                          return s;
+                                                        }});
+                                plan.goals = {{"*", "booth", "error", false, 2.5}, {"here", "booth", "error", false, 2.5, Goal::Figure::most}};
+                                return plan;
+                              }};
+  const auto folder = fresh_folder("run");
+  const TableRun run = run_table(experiment, {{}, folder, "boothctl evaluate --table tiny", "x", {}});
+  EXPECT_FALSE(run.interrupted);
+  const auto json = nlohmann::json::parse(contents(folder / "tiny.json"));
+  EXPECT_EQ(json.at("table"), "tiny");
+  const auto& row = json.at("rows").at(0);
+  EXPECT_EQ(row.at("case"), "here");
+  EXPECT_EQ(row.at("method"), "booth");
+  EXPECT_EQ(row.at("mean_cm"), 2);
+  EXPECT_EQ(row.at("sd_cm"), 1);
+  EXPECT_EQ(row.at("n"), 2);
+  EXPECT_TRUE(row.contains("p95_cm"));
+  EXPECT_TRUE(json.at("goals").at(0).at("met").get<bool>());
+  EXPECT_FALSE(json.at("goals").at(1).at("met").get<bool>());
+  EXPECT_TRUE(json.at("complete").get<bool>());
+  EXPECT_NE(contents(folder / "tiny.md").find("**missed**"), std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(folder / "tiny.partial.jsonl"));
+  std::filesystem::remove_all(folder);
+}
+
+TEST(Protocol, EveryPlanHasUnitsWithNamesOfTheirOwn) {
+  for (const Experiment& e : experiments()) {
+    for (const bool short_form : {true, false}) {
+      Request request = short_request();
+      request.short_form = short_form;
+      std::set<std::string> keys;
+      for (const Unit& unit : e.plan(request).units) EXPECT_TRUE(keys.insert(unit.key).second) << e.name << ": " << unit.key;
+      EXPECT_FALSE(keys.empty()) << e.name;
+    }
+  }
+}
+
+TEST(Protocol, AFittedBodyThatIsTheTruthHasNoErrorAndOneThatIsMovedHasThatMuch) {
+  const Subject subject = short_request().subjects->get(50);
+  const fit::PoseVector truth = on_stage(subject, study_pose(subject, 2), 1, 0.1, 0.2);
+  FittedBody fitted;
+  fitted.vertices = subject.surface(truth);
+  fitted.has_joints = true;
+  fitted.joints = subject.joints(truth);
+  fitted.bone_lengths = subject.bone_vectors().colwise().norm().transpose();
+  Samples out;
+  add_errors(fitted, subject, truth, "same", "booth", out);
+  for (const Sample& s : out.rows()) EXPECT_LT(s.tally.most(), 1e-3) << s.metric;
+  fitted.vertices.row(1).array() += 0.02f;
+  add_errors(fitted, subject, truth, "moved", "booth", out);
+  EXPECT_NEAR(mean_of(out, "moved", "booth", kToVertex), 2, 1e-3);
+  EXPECT_LT(mean_of(out, "moved", "booth", kToSurface), 1.5) << "along the surface a shift is no error of it";
+  EXPECT_NEAR(subject.surface(truth).row(1).minCoeff(), 0, 1e-4) << "stands on the floor";
+}
+
+// What follows are the ordinary tests' thresholds: about half as much again as measured (docs/reference/accuracy.md), on bodies of the study.
+
+TEST(Accuracy, BodiesOfMenAndWomenFromOneMoment) {
+  Plan plan = plan_table_1(short_request());
+  const Samples s = run_units(plan, " booth");
+  for (const char* sex : {"men", "women"})
+    for (const char* pose : {"1", "2"}) {
+      const std::string name = std::string(sex) + ", pose " + pose + ", clean";
+      EXPECT_LT(mean_of(s, name, "booth", kToSurface), 0.65) << name;
+      EXPECT_LT(mean_of(s, name, "booth", kJoints), 1.5) << name;
+      EXPECT_LT(mean_of(s, name, "booth", kBones), 1.0) << name;
+    }
+}
+
+TEST(Accuracy, PeopleAreFoundFromNothing) {
+  Plan plan = plan_start(short_request());
+  int found = 0, all = 0;
+  for (const char* kind : {"test:16 standing", "test:61 standing", "test:31 crouching", "test:76 crouching", "test:46 arms crossed", "test:1 legs touching"})
+    for (const Unit& unit : plan.units) {
+      if (unit.key != kind) continue;
+      const Samples s = unit.run();
+      ++all;
+      found += s.rows().front().tally.mean() > 0;
+    }
+  EXPECT_EQ(all, 6);
+  EXPECT_GE(found, 5);
+}
+
+TEST(Accuracy, AWalkIsFollowed) {
+  const Samples s = run_units(plan_tracking(short_request()), "walk");
+  EXPECT_LT(mean_of(s, "walk", "booth", "15 main joints, mean of a frame"), 1.5);
+  EXPECT_EQ(mean_of(s, "walk", "booth", "frames lost"), 0);
+}
+
+TEST(Accuracy, TheBaselinesAreWorthComparingWith) {
+  // In the pose they start from, both come close; a baseline that fails there would flatter the product.
+  const Samples s = run_units(plan_table_1(short_request()), "test:1 ");
+  const std::string name = "men, pose 1, clean";
+  EXPECT_LT(mean_of(s, name, "scape", kToSurface), 1.5);
+  EXPECT_LT(mean_of(s, name, "icp", kToSurface), 3);
+  EXPECT_LT(mean_of(s, name, "scape", kToSurface), mean_of(s, name, "icp", kToSurface)) << "it has a shape";
+  EXPECT_LT(mean_of(s, name, "booth", kToSurface), mean_of(s, name, "scape", kToSurface));
+}
+
+TEST(Pictures, AreDrawnWithoutADisplay) {
+  const auto folder = fresh_folder("pictures");
+  const Subject subject = short_request().subjects->get(2);
+  const fit::PoseVector truth = on_stage(subject, study_pose(subject, 2), 0.5, 0, 0);
+  draw_errors(folder / "e.png", subject, truth, {{"same", subject.surface(truth)}});
+  EXPECT_EQ(contents(folder / "e.png").substr(1, 3), "PNG");
+  draw_curves(folder / "c.svg", "a < b", "x", "y", {{"one", {{0, 1}, {1, 2}}}});
+  EXPECT_NE(contents(folder / "c.svg").find("a &lt; b"), std::string::npos);
+  std::filesystem::remove_all(folder);
+}
+
+/// Runs the program; `stop_when` is asked now and then, and once it says yes the program gets SIGINT.
+int run_program(std::vector<std::string> words, const std::filesystem::path& log, const std::function<bool()>& stop_when = {}) {
+  words.insert(words.begin(), BOOTH_EVALUATE);
+  const pid_t child = fork();
+  if (child == 0) {
+    if (std::freopen(log.c_str(), "w", stdout) == nullptr || std::freopen(log.c_str(), "a", stderr) == nullptr) _exit(99);
+    setenv("BOOTHD_MODELS", BOOTH_SOURCE_DIR "/fit/models", 1);
+    std::vector<char*> arguments;
+    for (auto& w : words) arguments.push_back(w.data());
+    arguments.push_back(nullptr);
+    execv(arguments[0], arguments.data());
+    _exit(98);
+  }
+  int status = 0;
+  bool told = false;
+  while (waitpid(child, &status, WNOHANG) == 0) {
+    if (stop_when && !told && stop_when()) {
+      told = true;
+      kill(child, SIGINT);
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+TEST(Program, RefusesAnUnknownTableAndAFolderThatCannotBeWritten) {
+  const auto folder = fresh_folder("refuses");
+  EXPECT_EQ(run_program({"--table", "no-such"}, folder / "log"), 64);
+  EXPECT_NE(contents(folder / "log").find("no-such"), std::string::npos);
+  std::ofstream(folder / "file") << "x";
+  EXPECT_EQ(run_program({"--table", "speed", "--short", "--out", (folder / "file").string()}, folder / "log"), 1);
+  EXPECT_NE(contents(folder / "log").find("--out"), std::string::npos);
+  EXPECT_EQ(run_program({"--table", "start", "--short", "--data", folder.string()}, folder / "log"), 1);
+  EXPECT_NE(contents(folder / "log").find(folder.string()), std::string::npos);
+  EXPECT_EQ(run_program({"--list"}, folder / "log"), 0);
+  EXPECT_NE(contents(folder / "log").find("ablation"), std::string::npos);
+  std::filesystem::remove_all(folder);
+}
+
+TEST(Program, StoppedByHandItKeepsWhatIsDoneAndGoesOnFromThere) {
+  const auto folder = fresh_folder("stopped");
+  const auto journal = folder / "out/measurements.partial.jsonl";
+  const auto lines = [&] {
+    const std::string text = contents(journal);
+    return std::count(text.begin(), text.end(), '\n');
+  };
+  const std::vector<std::string> words{"--table", "measurements", "--short", "--json", "--out", (folder / "out").string()};
+  ASSERT_EQ(run_program(words, folder / "log", [&] { return lines() >= 2; }), 130);
+  EXPECT_FALSE(nlohmann::json::parse(contents(folder / "out/measurements.json")).at("complete").get<bool>());
+  EXPECT_GE(lines(), 2) << "the head and the unit that was done";
+  ASSERT_EQ(run_program(words, folder / "log"), 0);
+  const auto json = nlohmann::json::parse(contents(folder / "log"));
+  EXPECT_TRUE(json.at("complete").get<bool>());
+  EXPECT_EQ(json.at("units").at("done"), 3);
+  EXPECT_FALSE(std::filesystem::exists(journal));
+  std::filesystem::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace booth::accuracy
