@@ -3,7 +3,6 @@
 
 #include <cmath>
 
-#include "fit/body/measure.hpp"
 #include "tests/accuracy/booth/motion_run.hpp"
 #include "tests/accuracy/methods/measure_uncertainty.hpp"
 #include "tests/accuracy/tables/tables.hpp"
@@ -32,9 +31,9 @@ Samples measure_one(const Subjects& subjects, int body, double seconds) {
   const Subject subject = subjects.get(body);
   Samples out;
   const auto compare = [&](const char* case_name, const Sighting& s) {
-    for (const fit::Measurement& found : fit::measure(s.estimator->model(), s.result->beta))
+    for (const fit::Measurement& found : stated_measures(s.estimator->model(), *s.result))
       for (const auto& [name, truth] : subject.body->measurements)
-        if (name == found.name) add(out, case_name, found, truth, measure_sd(*s.result, found.name));
+        if (name == found.name) add(out, case_name, found, truth, stated_sd(found));
     record(out, case_name, "booth", "right sex", "percent", s.result->sex == subject.sex() ? 100 : 0);
   };
   const int last = static_cast<int>(seconds * 30) - 1;

@@ -1,4 +1,4 @@
-// Table start: is a person found from nothing, in any pose and facing anywhere, and how soon again after another one left?
+// Table start: whether a person is found from nothing, in any pose and facing anywhere, and how soon another one after they left.
 #include <fmt/format.h>
 #include <time.h>
 
