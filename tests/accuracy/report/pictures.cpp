@@ -28,7 +28,7 @@ void draw_errors(const std::filesystem::path& path, const Subject& subject, cons
   const fit::Faces& faces = subject.model->data().faces;
   const float c = static_cast<float>(std::cos(truth[4])), s = static_cast<float>(std::sin(truth[4]));
   const fit::Vertices surface = subject.surface(truth);
-  const auto from = [&](float side) { return daemon::SceneStyle{.width = 240, .height = 360, .from = {side * s, 0.1f, side * c}, .metres_high = 2.2f}; };
+  const auto from = [&](float side) { return daemon::SceneStyle{.width = 320, .height = 360, .from = {side * s, 0.1f, side * c}, .metres_high = 2.2f}; };
   const daemon::SceneItem truth_item{surface, &faces};
   std::vector<daemon::Picture> row{daemon::draw_scene({&truth_item, 1}, "truth", from(1))};
   for (const ErrorView& view : views) {
