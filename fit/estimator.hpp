@@ -43,7 +43,7 @@ struct EstimatorSettings {
   SwarmSettings swarm{};     ///< preset paper, on the CPU and on a device
   DeviceOpen open_device{};  ///< in place of the CUDA device, for tests: an emulated one
   GuardSettings guard{};     ///< how soon a lost device is tried again
-  FitParts parts{};  ///< for studies; the product leaves it alone
+  FitParts parts{};          ///< for studies; the product leaves it alone
 };
 
 enum class FitState : std::uint8_t {

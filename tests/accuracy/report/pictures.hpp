@@ -23,7 +23,7 @@ struct Curve {
   std::vector<std::pair<double, double>> points;
 };
 
-/// A plain line chart. Throws as write_file_atomically() does.
+/// A line chart as SVG. Throws as write_file_atomically() and to_svg() do.
 void draw_curves(const std::filesystem::path& path, const std::string& title, const std::string& x, const std::string& y, const std::vector<Curve>& curves);
 
 }  // namespace booth::accuracy
