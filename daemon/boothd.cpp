@@ -11,7 +11,9 @@
 #include "daemon/config/load.hpp"
 #include "daemon/ctl/control_protocol.hpp"
 #include "daemon/ctl/control_server.hpp"
+#include "daemon/ctl/panel_protocol.hpp"
 #include "daemon/dds/dds_link.hpp"
+#include "daemon/drivers_factory.gpio.hpp"
 #include "daemon/drivers_factory.hpp"
 #include "daemon/health/log.hpp"
 #include "daemon/health/notify.hpp"
@@ -19,6 +21,7 @@
 #include "daemon/pipeline/fit_setup.hpp"
 #include "daemon/pipeline/pipeline.hpp"
 #include "daemon/session/controller.hpp"
+#include "daemon/session/panel_link.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -64,6 +67,9 @@ ControllerSettings controller_settings(const Config& config, const DepthSource& 
   out.limits.lost = hal::from_seconds(config.session.lost_seconds);
   out.limits.search = hal::from_seconds(config.session.search_seconds);
   out.limits.session = hal::from_seconds(config.session.max_seconds);
+  out.limits.estimate = hal::from_seconds(config.session.estimate_seconds);
+  out.limits.pause = hal::from_seconds(config.session.pause_seconds);
+  out.limits.countdown = hal::from_seconds(config.session.countdown_seconds);
   out.minimum_cameras = static_cast<int>(config.cameras.minimum);
   out.models = fit.models;
   out.truth = source.truth;
@@ -84,8 +90,14 @@ Pipeline::Settings pipeline_settings(const Config& config) {
   return out;
 }
 
+/// Buttons and light, where there are any. Taken down before the session: whoever presses now is not heard any more.
+struct PanelParts {
+  PanelDevice device;
+  std::optional<PanelLink> link;
+};
+
 /// Waits for SIGTERM or SIGINT; meanwhile tells systemd that all threads move, or why not. Returns the exit status.
-ExitStatus watch(const sigset_t& signals, const Pipeline& pipeline, const Controller& controller, const hal::Clock& clock) {
+ExitStatus watch(const sigset_t& signals, const Pipeline& pipeline, const Controller& controller, const PanelParts& panel, const hal::Clock& clock) {
   ProgressWatch progress(kWatchPatience);
   const auto interval = watchdog_interval();
   hal::MonotonicTime next_ping{};
@@ -101,6 +113,10 @@ ExitStatus watch(const sigset_t& signals, const Pipeline& pipeline, const Contro
 
     auto counters = pipeline.progress();
     counters.push_back(controller.progress());
+    if (panel.link) {
+      counters.push_back(panel.link->progress());
+      counters.push_back(panel.device.panel->progress());
+    }
     const hal::MonotonicTime now = clock.now();
     if (progress.stalled(counters, now.time_since_epoch()) >= 0) {
       // Saving is hopeless with a hung thread; the session is closed as interrupted at the next start.
@@ -136,6 +152,7 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     listener = stage(kUnavailable, [&] { return listen_unix(config.control.socket); });
     socket_file.emplace(config.control.socket);
   }
+  stage(kConfiguration, [&] { check_panel(config); });
   DepthSource source = stage(kUnavailable, [&] { return open_source(config); });
   if (static_cast<int>(source.cameras.size()) > kMaxCameras)
     throw StartFailure(kConfiguration, fmt::format("{} has {} cameras; boothd works with at most {}", source.name, source.cameras.size(), kMaxCameras));
@@ -162,18 +179,24 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     dds = stage(kUnavailable, [&] {
       return std::make_unique<DdsLink>(settings, *source.clock, [&](DdsCommand command) {
         const ControlAnswer answer = controller.request(command == DdsCommand::start ? SessionEvent::start : SessionEvent::stop, "dds");
-        return DdsAnswer{answer.accepted, static_cast<std::uint8_t>(answer.state), answer.text};
+        return DdsAnswer{answer.accepted, wire_state(answer.state), answer.text};
       });
     });
   }
   Pipeline pipeline(pipeline_settings(config), source.cameras, *source.clock, *fit.fitter, controller);
   controller.run(pipeline, *fit.fitter, dds.get());
   const ShutdownFirst shutdown_first{controller};
-  const ControlServer server(config.control.socket, std::move(listener), [&](const std::string& line) { return answer_request(line, controller); });
+  PanelParts panel;
+  panel.device = open_panel(config, *source.clock);
+  if (panel.device.panel) panel.link.emplace(*panel.device.panel, controller);
+  const ControlServer server(config.control.socket, std::move(listener), [&](const std::string& line) {
+    const auto about_panel = answer_panel_request(line, panel.device.visitor.get());
+    return about_panel ? *about_panel : answer_request(line, controller);
+  });
   log_line(LogLevel::info,
            fmt::format("boothd {} is ready: {}; {} cameras; control socket {}", BOOTHD_VERSION, source.name, source.cameras.size(), config.control.socket));
   notify_ready("idle");
-  const ExitStatus status = watch(signals, pipeline, controller, *source.clock);
+  const ExitStatus status = watch(signals, pipeline, controller, panel, *source.clock);
   notify_stopping();
   if (status == kInternal) std::_Exit(kInternal);  // joining a hung thread would hang, too
   return status;

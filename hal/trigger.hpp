@@ -12,13 +12,15 @@ enum class TriggerKind : std::uint8_t { start, stop, toggle, emergency_pressed, 
 
 struct TriggerEvent {
   TriggerKind kind{};
-  MonotonicTime at{};
+  MonotonicTime at{};  ///< of the first edge of the press, before any bouncing
 };
 
-/// wait() is called by one thread; a press is reported once, after debouncing.
+/// wait() is called by one thread; a press is reported once, after debouncing. A button that is pressed already when it is first seen is no press.
+/// An emergency stop that cannot be read counts as pressed.
 class Trigger {
  public:
   virtual ~Trigger() = default;
+  /// Nothing when nothing happened within `timeout`. Never throws: what is wrong with a device is said by Panel::problems().
   virtual std::optional<TriggerEvent> wait(Nanoseconds timeout) = 0;
 };
 

@@ -56,8 +56,14 @@ struct Config {
     std::string directory = "/var/lib/boothd/sessions";
     std::int64_t quota_bytes = 10'000'000'000;
     std::int64_t max_age_days = 30;
-    double max_seconds = 1800, search_seconds = 60, lost_seconds = 0.5;
+    double max_seconds = 1800, search_seconds = 60, lost_seconds = 0.5, estimate_seconds = 300, pause_seconds = 300, countdown_seconds = 0;
   } session;
+  struct {
+    std::string chip, start, stop, emergency_stop, light, buzzer;
+    std::string bias = "pull-up";
+    bool active_low = true, emergency_stop_active_low = false, light_active_low = false;
+    double debounce_ms = 20, stuck_seconds = 30;
+  } gpio;
   struct {
     bool enabled = true;
     std::int64_t domain = 0;

@@ -28,6 +28,12 @@ std::string check_socket(std::string_view v) {
   return !v.empty() && v.size() < 108 ? "" : "must be a path of 1 to 107 bytes (the kernel's limit for a Unix socket)";
 }
 
+// The kernel's names of lines have at most 31 bytes, its labels of chips as well; a path to a chip is short, too.
+std::string check_gpio_name(std::string_view v) {
+  const auto good = [](unsigned char c) { return c >= 0x20 && c < 0x7f; };
+  return v.size() <= 64 && std::all_of(v.begin(), v.end(), good) ? "" : "must have at most 64 printable characters, as `boothctl doctor` prints them";
+}
+
 std::string check_path(std::string_view v) { return v.empty() ? "must not be empty" : ""; }
 
 std::string check_serial(std::string_view v) {
@@ -204,6 +210,55 @@ const std::vector<ConfigKey>& table() {
        .doc = "The state changes to searching when no frame has shown the person for this many seconds.",
        .minimum = 0.05,
        .maximum = 60},
+      {.name = "session.estimate_seconds",
+       .slot = BOOTH_SLOT(session.estimate_seconds),
+       .doc = "A session ends by itself when somebody has been there for this many seconds and no body was found.",
+       .minimum = 1,
+       .maximum = 86400},
+      {.name = "session.pause_seconds",
+       .slot = BOOTH_SLOT(session.pause_seconds),
+       .doc = "A session ends by itself when there have been too few cameras for this many seconds.",
+       .minimum = 1,
+       .maximum = 86400},
+      {.name = "session.countdown_seconds",
+       .slot = BOOTH_SLOT(session.countdown_seconds),
+       .doc = "From the press to the session's beginning: time to step onto the stage. 0: at once.",
+       .minimum = 0,
+       .maximum = 60},
+      {.name = "gpio.chip",
+       .slot = BOOTH_SLOT(gpio.chip),
+       .doc = "Label, name or path of the GPIO chip with button and light; empty: none; `simulated`: one inside boothd, pressed by `boothctl press`.",
+       .check = check_gpio_name},
+      {.name = "gpio.start",
+       .slot = BOOTH_SLOT(gpio.start),
+       .doc = "Line (name or offset) of the start button; without gpio.stop it stops, too.",
+       .check = check_gpio_name},
+      {.name = "gpio.stop", .slot = BOOTH_SLOT(gpio.stop), .doc = "Line of the stop button; empty: none.", .check = check_gpio_name},
+      {.name = "gpio.emergency_stop",
+       .slot = BOOTH_SLOT(gpio.emergency_stop),
+       .doc = "Line of the emergency stop; empty: none. A line that cannot be read counts as pressed.",
+       .check = check_gpio_name},
+      {.name = "gpio.light", .slot = BOOTH_SLOT(gpio.light), .doc = "Line of the status light; empty: none.", .check = check_gpio_name},
+      {.name = "gpio.buzzer", .slot = BOOTH_SLOT(gpio.buzzer), .doc = "Line of the buzzer; empty: none.", .check = check_gpio_name},
+      {.name = "gpio.active_low", .slot = BOOTH_SLOT(gpio.active_low), .doc = "A pressed start or stop button pulls its line to ground."},
+      {.name = "gpio.emergency_stop_active_low",
+       .slot = BOOTH_SLOT(gpio.emergency_stop_active_low),
+       .doc = "A pressed emergency stop pulls its line to ground; false for the usual contact that opens, so that a cut wire is a stop."},
+      {.name = "gpio.light_active_low", .slot = BOOTH_SLOT(gpio.light_active_low), .doc = "Light and buzzer are on when their lines are low."},
+      {.name = "gpio.bias",
+       .slot = BOOTH_SLOT(gpio.bias),
+       .doc = "Resistor that the chip puts on the lines of buttons and emergency stop.",
+       .choices = {"as-is", "disabled", "pull-up", "pull-down"}},
+      {.name = "gpio.debounce_ms",
+       .slot = BOOTH_SLOT(gpio.debounce_ms),
+       .doc = "A button counts as pressed or released when its line has been quiet for this many milliseconds.",
+       .minimum = 0,
+       .maximum = 1000},
+      {.name = "gpio.stuck_seconds",
+       .slot = BOOTH_SLOT(gpio.stuck_seconds),
+       .doc = "A start or stop button that has been pressed for this many seconds is shown as stuck.",
+       .minimum = 1,
+       .maximum = 3600},
       {.name = "dds.enabled", .slot = BOOTH_SLOT(dds.enabled), .doc = "Publish on DDS at all."},
       {.name = "dds.domain", .slot = BOOTH_SLOT(dds.domain), .doc = "DDS domain.", .minimum = 0, .maximum = 232},
       {.name = "dds.interface",

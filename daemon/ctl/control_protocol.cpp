@@ -15,6 +15,37 @@ Json latency_json(const LatencySummary& l) {
   return {{"count", l.count}, {"p50", l.p50_ms}, {"p95", l.p95_ms}, {"p99", l.p99_ms}, {"max", l.max_ms}, {"mean", l.mean_ms}};
 }
 
+const char* light_name(hal::LightPattern pattern) {
+  switch (pattern) {
+    case hal::LightPattern::off:
+      return "off";
+    case hal::LightPattern::idle_steady:
+      return "steady";
+    case hal::LightPattern::countdown_double_blink:
+      return "double blink";
+    case hal::LightPattern::estimating_fast_blink:
+      return "fast blink";
+    case hal::LightPattern::tracking_on:
+      return "on";
+    case hal::LightPattern::searching_slow_blink:
+      return "slow blink";
+    case hal::LightPattern::saving_flash:
+      return "flash";
+    case hal::LightPattern::fault_code:
+      return "fault";
+  }
+  return "?";
+}
+
+Json panel_json(const PanelStatus& panel) {
+  if (!panel.present) return {{"present", false}};
+  return {{"present", true},
+          {"light", light_name(panel.light.pattern)},
+          {"fault_code", panel.light.code},
+          {"flicker", panel.light.degraded},
+          {"problems", panel.problems}};
+}
+
 Json make_status(const DaemonStatus& s) {
   Json j;
   j["ok"] = true;
@@ -22,6 +53,8 @@ Json make_status(const DaemonStatus& s) {
   j["degraded"] = s.degraded;
   j["paused"] = s.paused;
   j["emergency_latched"] = s.latched;
+  j["countdown_seconds"] = s.countdown_seconds;
+  j["panel"] = panel_json(s.panel);
   j["alarm"] = s.alarm;
   j["session"] = s.session;
   j["session_folder"] = s.session_folder;

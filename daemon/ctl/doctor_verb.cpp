@@ -8,6 +8,7 @@
 
 #include "daemon/config/load.hpp"
 #include "daemon/ctl/verbs.hpp"
+#include "daemon/drivers_factory.gpio.hpp"
 #include "daemon/drivers_factory.usb.hpp"
 #include "daemon/health/checks.hpp"
 
@@ -37,6 +38,7 @@ DoctorInputs look(const Options& options) {
   }
   in.usbfs_bytes_per_sensor = usbfs_bytes(in.config);
   in.usb = open_usb_topology(in.root)->read();
+  if (in.root == "/") in.gpio = list_gpio_chips();
   return in;
 }
 
@@ -96,7 +98,8 @@ void run(const Options& options) {
 
 void add_doctor_verb(CLI::App& app) {
   auto options = std::make_shared<Options>();
-  CLI::App* verb = app.add_subcommand("doctor", "Examine this machine: USB controllers, sensors, clock, disk, DDS. Exit status 1 when an error was found");
+  CLI::App* verb = app.add_subcommand(
+      "doctor", "Examine this machine: USB controllers, sensors, clock, disk, DDS, buttons and light. Exit status 1 when an error was found");
   verb->add_option("--config", options->config, "Configuration file; without it /etc/boothd/boothd.toml where it exists");
   verb->add_option("--set", options->assignments, "key=value, over the file's; may be given several times")
       ->expected(1)

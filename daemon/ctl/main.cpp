@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   add_status_verb(app);
   add_start_stop_verbs(app);
+  add_press_verb(app);
   add_doctor_verb(app);
   add_watch_verb(app);
   add_track_verb(app);

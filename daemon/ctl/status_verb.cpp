@@ -41,6 +41,14 @@ std::string for_people(const Json& s) {
       fmt::format("state      {}{}{}{}\n", s.value("state", "?"), s.value("paused", false) ? ", paused: too few cameras" : "",
                   s.value("degraded", false) ? ", degraded: a camera is missing" : "", s.value("emergency_latched", false) ? ", emergency stop pressed" : "");
   if (const std::string alarm = s.value("alarm", ""); !alarm.empty()) out += "alarm      " + alarm + "\n";
+  if (s.value("countdown_seconds", 0) > 0) out += fmt::format("countdown  {} s\n", s.value("countdown_seconds", 0));
+  if (const Json panel = s.value("panel", Json::object()); panel.value("present", false)) {
+    out +=
+        fmt::format("light      {}{}{}\n", panel.value("light", "?"), panel.value("fault_code", 0) > 0 ? fmt::format(" {}", panel.value("fault_code", 0)) : "",
+                    panel.value("flicker", false) ? ", flickering" : "");
+    for (const auto& problem : panel.value("problems", Json::array()))
+      if (problem.is_string()) out += "panel      " + problem.get<std::string>() + "\n";
+  }
   if (s.contains("backend") && s["backend"].is_object())
     if (const std::string problem = s["backend"].value("problem", ""); !problem.empty())
       out += "backend    " + s["backend"].value("name", "") + ": " + problem + "\n";

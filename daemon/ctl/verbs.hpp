@@ -19,6 +19,7 @@ struct VerbFailure : std::runtime_error {
 void add_status_verb(CLI::App& app);       ///< status
 void add_doctor_verb(CLI::App& app);       ///< doctor
 void add_start_stop_verbs(CLI::App& app);  ///< start, stop
+void add_press_verb(CLI::App& app);        ///< press
 void add_watch_verb(CLI::App& app);        ///< watch
 void add_track_verb(CLI::App& app);        ///< track
 void add_bench_verb(CLI::App& app);        ///< bench signature

@@ -150,7 +150,8 @@ void Usb::links() {
 void Usb::memory() {
   const auto count = static_cast<double>(std::max(sensors.size(), wanted ? in.serials.size() : std::size_t{0}));
   if (!in.usb.usbfs_memory_mb)
-    return add(count > 0 ? CheckResult::warning : CheckResult::skipped, "usbfs memory", "/sys/module/usbcore/parameters/usbfs_memory_mb cannot be read");
+    return add(count > 0 ? CheckResult::warning : CheckResult::skipped, "usbfs memory",
+               fmt::format("{} cannot be read", (in.root / "sys/module/usbcore/parameters/usbfs_memory_mb").string()));
   const int limit = *in.usb.usbfs_memory_mb;
   const double needed = count * in.usbfs_bytes_per_sensor;
   const std::string seen = limit == 0 ? "no limit" : fmt::format("{} MiB for {} sensors that need {:.1f} MiB", limit, count, needed / kMiB);
@@ -214,7 +215,8 @@ void Usb::rescue() {
 Checks check_usb(const DoctorInputs& in) {
   Usb usb{.in = in, .wanted = in.config.cameras.driver == "kinect2", .sensors = {}, .out = {}};
   if (!in.usb.available) {
-    usb.add(usb.wanted ? CheckResult::error : CheckResult::skipped, "kernel", "this machine has no USB (no /sys/bus/usb)",
+    usb.add(usb.wanted ? CheckResult::error : CheckResult::skipped, "kernel",
+            fmt::format("this machine has no USB (no {})", (in.root / "sys/bus/usb").string()),
             usb.wanted ? "use a machine with USB 3, or another cameras.driver" : "");
     return usb.out;
   }

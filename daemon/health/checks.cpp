@@ -1,4 +1,4 @@
-// The order of the groups, and the groups that are a few lines each: clock, disk, DDS, GPIO.
+// The order of the groups, and the groups that are a few lines each: clock, disk, DDS.
 #include "daemon/health/checks.hpp"
 
 #include <fmt/format.h>
@@ -88,9 +88,8 @@ Checks run_checks(const DoctorInputs& in) {
     out.push_back({"configuration", "loads", CheckResult::ok, "no mistakes"});
   else
     out.push_back({"configuration", "loads", CheckResult::error, in.config_problem, "boothd will not start like this; the checks below look at the defaults"});
-  for (const auto group : {check_usb, check_cameras, check_clock, check_disk, check_dds})
+  for (const auto group : {check_usb, check_cameras, check_clock, check_disk, check_dds, check_gpio})
     for (auto& check : group(in)) out.push_back(std::move(check));
-  out.push_back({"gpio", "lines", CheckResult::skipped, "this version has no GPIO driver"});
   return out;
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "daemon/config/config.hpp"
+#include "hal/gpio_chips.hpp"
 #include "hal/usb_topology.hpp"
 
 namespace booth::daemon {
@@ -28,7 +29,8 @@ struct DoctorInputs {
   std::string config_problem;  ///< why the configuration could not be loaded; defaults are examined then
   std::filesystem::path root = "/";
   hal::UsbTopology usb;
-  std::vector<std::string> serials;  ///< of the sensors that the configuration names, in the order of their positions
+  std::vector<std::string> serials;    ///< of the sensors that the configuration names, in the order of their positions
+  std::optional<hal::GpioChips> gpio;  ///< nothing where another root than "/" is examined: lines are asked for through /dev
   double usbfs_bytes_per_sensor = 0;
   bool (*is_sensor)(const hal::UsbDevice&) = nullptr;
 };
@@ -39,6 +41,7 @@ Checks check_cameras(const DoctorInputs& in);
 Checks check_clock(const DoctorInputs& in);
 Checks check_disk(const DoctorInputs& in);
 Checks check_dds(const DoctorInputs& in);
+Checks check_gpio(const DoctorInputs& in);
 
 /// All groups in the order in which they are printed. Never throws for what it finds on the machine.
 Checks run_checks(const DoctorInputs& in);

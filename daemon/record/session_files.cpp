@@ -59,6 +59,9 @@ Json info_json(const SessionInfo& info) {
   j["seed"] = info.seed;
   j["threads"] = info.threads;
   j["models"] = info.models;
+  j["events"] = Json::array();
+  for (const SessionHappening& e : info.events) j["events"].push_back({{"utc_ns", e.utc_ns}, {"kind", e.kind}, {"source", e.source}, {"text", e.text}});
+  if (info.events_left_out > 0) j["events_left_out"] = info.events_left_out;
   return j;
 }
 
@@ -142,6 +145,16 @@ Json read_json(const fs::path& path) {
 }
 
 std::string text_of(const Json& j, const char* key) { return j.contains(key) && j[key].is_string() ? j[key].get<std::string>() : ""; }
+
+/// What a session.json tells of events; what is not as it was written is passed over.
+std::vector<SessionHappening> events_of(const Json& j) {
+  std::vector<SessionHappening> out;
+  if (!j.contains("events") || !j["events"].is_array()) return out;
+  for (const Json& e : j["events"])
+    if (e.is_object() && e.contains("utc_ns") && e["utc_ns"].is_number_integer())
+      out.push_back({e["utc_ns"].get<std::int64_t>(), text_of(e, "kind"), text_of(e, "source"), text_of(e, "text")});
+  return out;
+}
 
 std::uintmax_t folder_bytes(const fs::path& folder) {
   std::uintmax_t sum = 0;
@@ -296,6 +309,7 @@ std::vector<std::string> close_interrupted_sessions(const fs::path& directory, c
         if (item.is_string()) (std::strcmp(key, "cameras") == 0 ? info.cameras : info.models).push_back(item.get<std::string>());
       }
     }
+    info.events = events_of(old);
     info.result = "interrupted";
     info.reason = "boothd ended before the session did";
     std::vector<FrameRecord> frames;

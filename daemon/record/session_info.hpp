@@ -11,6 +11,12 @@
 
 namespace booth::daemon {
 
+/// One thing that happened in a session, or led to it; as on DDS (booth/event).
+struct SessionHappening {
+  std::int64_t utc_ns = 0;
+  std::string kind, source, text;
+};
+
 /// Everything that is known when frames have ended. Times in UTC nanoseconds since 1970.
 struct SessionInfo {
   std::string id;  ///< the folder's name
@@ -24,7 +30,9 @@ struct SessionInfo {
   std::string reason;              ///< why it ended: stop, emergency_pressed, search_over ...
   std::string state_at_end;
   std::uint64_t groups = 0, groups_dropped = 0, frames_unmatched = 0, frames_not_logged = 0;
-  bool live = true;  ///< false: `track`, which runs in its own time; latencies then mean nothing and are left out
+  std::vector<SessionHappening> events;  ///< in the order of time
+  std::uint64_t events_left_out = 0;     ///< that no room was kept for
+  bool live = true;                      ///< false: `track`, which runs in its own time; latencies then mean nothing and are left out
   LatencySummary latency;
   std::array<LatencySummary, kStages> stages{};
 };

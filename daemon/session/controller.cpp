@@ -53,7 +53,7 @@ void Controller::shutdown(const std::string& reason) {
 }
 
 void Controller::publish(FrameRecord& record) noexcept {
-  record.session_state = static_cast<std::uint8_t>(state());
+  record.session_state = wire_state(state());
   if (dds_) dds_->publish(record);
 }
 
@@ -79,17 +79,16 @@ void Controller::loop() {
     take_frames();
     watch_cameras();
     watch_backend();
+    watch_panel();
     const hal::MonotonicTime now = clock_.now();
     if (files_done_.exchange(false)) {
       finisher_.join();
-      apply(machine_.handle(SessionEvent::files_written, now), "files_written", "session");
+      apply(machine_.handle(SessionEvent::files_written, now), "session");
     }
-    const SessionOutcome by_time = machine_.tick(now, paused_);
-    const bool over = by_time.action == SessionAction::end;
-    apply(by_time, !over ? "person_lost" : by_time.from == SessionState::searching ? "search_over" : "session_over", "time");
+    apply(machine_.tick(now, paused_), "time");
     const bool silent = !machine_.running() || paused_;
     if (dds_ && silent && now - last_idle_ >= 50ms) {
-      dds_->publish_idle(static_cast<std::uint8_t>(machine_.state()));
+      dds_->publish_idle(wire_state(machine_.state()));
       last_idle_ = now;
     }
     publish_status(false);
@@ -107,20 +106,16 @@ void Controller::take_requests() {
     }
     const SessionOutcome outcome = machine_.handle(request.event, clock_.now());
     const std::string name(to_string(request.event));
+    if (outcome.from == SessionState::idle) story_.begin();
     say_event("trigger", request.source, outcome.refusal.empty() ? name : fmt::format("{} refused: {}", name, outcome.refusal));
-    apply(outcome, name, request.source);
+    apply(outcome, request.source);
     request.answer.set_value({outcome.refusal.empty(), machine_.state(), std::string(outcome.refusal)});
   }
 }
 
 void Controller::take_frames() {
   for (FrameNote note; notes_.pop(note);) {
-    const SessionOutcome outcome = machine_.frame(note.there, note.accepted, clock_.now());
-    const SessionEvent event = outcome.to == SessionState::tracking
-                                   ? (outcome.from == SessionState::estimating ? SessionEvent::body_accepted : SessionEvent::person_found)
-                               : outcome.to == SessionState::searching ? SessionEvent::person_lost
-                                                                       : SessionEvent::person_found;
-    apply(outcome, std::string(to_string(event)), "fit");
+    apply(machine_.frame(note.there, note.accepted, clock_.now()), "fit");
     if (machine_.body_known() && !body_published_ && machine_.running()) publish_body();
   }
 }
@@ -153,8 +148,10 @@ void Controller::watch_cameras() {
     paused_ = paused;
     latched_ = machine_.latched();
     body_known_ = machine_.body_known();
+    countdown_ = machine_.countdown_left(clock_.now());
   }
-  if (machine_.running() && pipeline_->all_ended()) apply(machine_.handle(SessionEvent::sources_ended, clock_.now()), "sources_ended", "cameras");
+  const bool waiting = machine_.running() || machine_.state() == SessionState::countdown;
+  if (waiting && pipeline_->all_ended()) apply(machine_.handle(SessionEvent::sources_ended, clock_.now()), "cameras");
 }
 
 void Controller::watch_backend() {
@@ -170,7 +167,23 @@ void Controller::watch_backend() {
   backend_said_ = std::move(now);
 }
 
-void Controller::apply(const SessionOutcome& outcome, const std::string& cause, const std::string& source) {
+void Controller::watch_panel() {
+  std::vector<std::string> now;
+  {
+    const std::lock_guard lock(shared_mutex_);
+    now = panel_.problems;
+  }
+  for (const auto& problem : now)
+    if (std::find(panel_said_.begin(), panel_said_.end(), problem) == panel_said_.end() && panel_log_.say(LogLevel::warning, "panel: " + problem, clock_.now()))
+      say_event("fault", "gpio", problem);
+  if (now.empty() && !panel_said_.empty() && panel_log_.say(LogLevel::info, "panel: buttons and light work again", clock_.now()))
+    say_event("state", "gpio", "buttons and light work again");
+  panel_log_.tell(clock_.now());
+  panel_said_ = std::move(now);
+}
+
+void Controller::apply(const SessionOutcome& outcome, const std::string& source) {
+  const std::string cause(to_string(outcome.event));
   if (outcome.action == SessionAction::begin) begin_session();
   if (outcome.action == SessionAction::end) end_session(cause, std::string(to_string(outcome.from)));
   if (!outcome.changed()) return;
@@ -187,6 +200,7 @@ void Controller::begin_session() {
   SessionInfo info = settings_.info;
   session_began_utc_ = info.began_utc_ns = clock_.utc_now().time_since_epoch().count();
   info.id = make_session_id(info.began_utc_ns);
+  info.events = story_.events();
   body_published_ = false;
   std::filesystem::path folder;
   std::string alarm;
@@ -229,6 +243,9 @@ void Controller::end_session(const std::string& reason, const std::string& state
   info.result = "complete";
   info.reason = reason;
   info.state_at_end = state_at_end;
+  info.events = story_.events();
+  info.events.push_back({info.ended_utc_ns, "state", "session", fmt::format("{} -> finishing ({})", state_at_end, reason)});
+  info.events_left_out = story_.left_out();
   const PipelineCounters counters = pipeline_->counters();
   info.groups = counters.groups;
   info.groups_dropped = counters.groups_dropped;
@@ -290,7 +307,7 @@ void Controller::publish_status(bool force) {
   status_key_ = std::move(key);
   last_status_ = now;
   StatusSample out;
-  out.state = static_cast<std::uint8_t>(s.state);
+  out.state = wire_state(s.state);
   out.degraded = s.degraded;
   out.paused = s.paused;
   out.latched = s.latched;
@@ -318,7 +335,13 @@ void Controller::set_alarm(const std::string& text) {
   alarm_ = text;
 }
 
+void Controller::set_panel(PanelStatus panel) {
+  const std::lock_guard lock(shared_mutex_);
+  panel_ = std::move(panel);
+}
+
 void Controller::say_event(const std::string& kind, const std::string& source, const std::string& text) {
+  story_.note({clock_.utc_now().time_since_epoch().count(), kind, source, text});
   if (dds_) dds_->publish_event(kind, source, text);
 }
 
@@ -342,7 +365,10 @@ DaemonStatus Controller::status() const {
   out.paused = paused_;
   out.latched = latched_;
   out.body_known = body_known_;
-  out.alarm = alarm_;
+  out.countdown_seconds = countdown_;
+  out.panel = panel_;
+  out.session_alarm = alarm_;
+  out.alarm = !alarm_.empty() || panel_.problems.empty() ? alarm_ : panel_.problems.front();
   out.session = session_;
   out.session_folder = folder_.string();
   out.remark = remark_;

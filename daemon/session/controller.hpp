@@ -20,8 +20,10 @@
 #include "daemon/record/session_files.hpp"
 #include "daemon/record/session_log.hpp"
 #include "daemon/session/session_machine.hpp"
+#include "daemon/session/session_story.hpp"
 #include "hal/clock.hpp"
 #include "hal/ground_truth.hpp"
+#include "hal/status_light.hpp"
 
 namespace booth::daemon {
 
@@ -42,11 +44,22 @@ struct ControlAnswer {
   std::string text;      ///< why it was refused
 };
 
+/// Buttons and light, as the link to them sees them.
+struct PanelStatus {
+  bool present = false;
+  hal::LightShow light;
+  std::vector<std::string> problems;
+};
+
 /// Everything that status shows, taken at one moment.
 struct DaemonStatus {
   SessionState state{};
   bool degraded = false, paused = false, latched = false, body_known = false;
-  std::string alarm, session, session_folder, remark;
+  int countdown_seconds = 0;  ///< until the session begins; 0: no countdown runs
+  std::string alarm;          ///< the worst thing that a person should look after
+  std::string session_alarm;  ///< that part of it which concerns the saving of sessions
+  std::string session, session_folder, remark;
+  PanelStatus panel;
   std::vector<CameraStatus> cameras;
   int minimum_cameras = 0;
   PipelineCounters counters;
@@ -76,6 +89,9 @@ class Controller final : public FrameSink {
   /// Ends a running session, waits until its files are written, ends the thread. Not concurrently with request().
   void shutdown(const std::string& reason);
 
+  /// What the panel shows and complains of; told in status, events and log.
+  void set_panel(PanelStatus panel);
+
   DaemonStatus status() const;
   SessionState state() const { return state_.load(std::memory_order_acquire); }
   /// Moves with every turn of the controller's thread.
@@ -100,7 +116,8 @@ class Controller final : public FrameSink {
   void take_frames();
   void watch_cameras();
   void watch_backend();
-  void apply(const SessionOutcome& outcome, const std::string& cause, const std::string& source);
+  void watch_panel();
+  void apply(const SessionOutcome& outcome, const std::string& source);
   void begin_session();
   void end_session(const std::string& reason, const std::string& state_at_end);
   void write_files(SessionInfo info, std::filesystem::path folder);
@@ -127,10 +144,12 @@ class Controller final : public FrameSink {
 
   // The controller thread's alone.
   SessionMachine machine_;
+  SessionStory story_;
   bool body_published_ = false;
   std::vector<CameraState> camera_states_;
   std::vector<std::string> camera_problems_;
-  RepeatedLog camera_log_;  ///< one line for each cause; repetitions are counted
+  RepeatedLog camera_log_, panel_log_;  ///< one line for each cause; repetitions are counted
+  std::vector<std::string> panel_said_;
   BackendStatus backend_said_;
   hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{};
   std::string status_key_;
@@ -144,6 +163,8 @@ class Controller final : public FrameSink {
   std::string alarm_, session_;
   const char* remark_ = "";  ///< a constant sentence of the fitter's: log() may not allocate
   std::filesystem::path folder_;
+  PanelStatus panel_;
+  int countdown_ = 0;
   bool latched_ = false, paused_ = false, body_known_ = false;
   std::optional<SessionSummary> summary_;
 

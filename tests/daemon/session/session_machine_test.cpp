@@ -14,24 +14,27 @@ using E = SessionEvent;
 using A = SessionAction;
 
 constexpr hal::MonotonicTime at(std::chrono::duration<double> t) { return hal::MonotonicTime(1000s) + std::chrono::round<hal::Nanoseconds>(t); }
-constexpr SessionMachine::Limits kLimits{.lost = 500ms, .search = 60s, .session = 600s, .toggle_guard = 500ms};
+constexpr SessionMachine::Limits kLimits{.lost = 500ms, .search = 60s, .session = 600s, .estimate = 100s, .pause = 30s, .countdown = 0s, .toggle_guard = 500ms};
 
 TEST(SessionTable, SaysTheSameAsThisOne) {
-  // One letter for the next state (i e t s f), '+' begins, '-' ends, '!' refuses. Columns: idle estimating tracking searching finishing.
+  // One letter for the next state (i e t s f c), '+' begins, '-' ends, '!' refuses. Columns: idle estimating tracking searching finishing countdown.
   const struct {
     E event;
     const char* row;
   } rows[] = {
-      {E::start, "e+ e! t! s! f!"},         {E::stop, "i! f- f- f- f"},        {E::toggle, "e+ f- f- f- f!"},      {E::emergency_pressed, "i f- f- f- f"},
-      {E::emergency_released, "i e t s f"}, {E::body_accepted, "i t t s f"},   {E::person_lost, "i s s s f"},      {E::person_found, "i e t t f"},
-      {E::search_over, "i e t f- f"},       {E::session_over, "i f- f- f- f"}, {E::sources_ended, "i f- f- f- f"}, {E::files_written, "i e t s i"},
+      {E::start, "c e! t! s! f! c!"},           {E::stop, "i! f- f- f- f i"},           {E::toggle, "c f- f- f- f! i"},
+      {E::emergency_pressed, "i f- f- f- f i"}, {E::emergency_released, "i e t s f c"}, {E::body_accepted, "i t t s f c"},
+      {E::person_lost, "i s s s f c"},          {E::person_found, "i e t t f c"},       {E::search_over, "i e t f- f c"},
+      {E::session_over, "i f- f- f- f c"},      {E::sources_ended, "i f- f- f- f i"},   {E::files_written, "i e t s i c"},
+      {E::countdown_over, "i e t s f e+"},      {E::estimate_over, "i f- t s f c"},     {E::pause_over, "i f- f- f- f c"},
   };
   ASSERT_EQ(std::size(rows), static_cast<std::size_t>(kSessionEvents));
   for (const auto& [event, expected] : rows) {
     std::string row;
     for (int s = 0; s < kSessionStates; ++s) {
       const SessionOutcome o = session_transition(static_cast<S>(s), event);
-      row += (s ? " " : "") + std::string(1, to_string(o.to)[0]);
+      EXPECT_EQ(o.event, event);
+      row += (s ? " " : "") + std::string(1, o.to == S::countdown ? 'c' : to_string(o.to)[0]);
       if (o.action == A::begin) row += '+';
       if (o.action == A::end) row += '-';
       if (!o.refusal.empty()) row += '!';
@@ -125,6 +128,132 @@ TEST(SessionMachine, NoFramesAtAllIsALoss) {
   m.frame(true, true, at(1s));
   EXPECT_FALSE(m.tick(at(2.9s), false).changed());
   EXPECT_EQ(m.tick(at(3s), false).to, S::searching);
+}
+
+TEST(SessionMachine, APauseEndsASessionAfterItsLimit) {
+  SessionMachine m(kLimits);
+  m.handle(E::start, at(0s));
+  m.frame(true, true, at(1s));
+  EXPECT_FALSE(m.tick(at(2s), true).changed());
+  EXPECT_FALSE(m.tick(at(31.9s), true).changed());
+  EXPECT_FALSE(m.tick(at(32s), false).changed()) << "a camera came back just in time";
+  EXPECT_FALSE(m.tick(at(33s), true).changed()) << "and the next pause counts from its own beginning";
+  const SessionOutcome o = m.tick(at(63s), true);
+  EXPECT_EQ(o.event, E::pause_over);
+  EXPECT_EQ(o.action, A::end);
+}
+
+TEST(SessionMachine, ABodyThatIsNotFoundEndsTheSessionAndPausesDoNotCount) {
+  SessionMachine m(kLimits);
+  m.handle(E::start, at(0s));
+  for (int t = 1; t <= 99; ++t) {
+    ASSERT_FALSE(m.frame(true, false, at(t * 1s)).changed());
+    ASSERT_FALSE(m.tick(at(t * 1s), false).changed()) << t;
+  }
+  for (int t = 100; t <= 120; ++t) ASSERT_FALSE(m.tick(at(t * 1s), true).changed()) << t;
+  const SessionOutcome o = m.tick(at(121s), false);
+  EXPECT_EQ(o.event, E::estimate_over);
+  EXPECT_EQ(o.action, A::end);
+}
+
+TEST(SessionMachine, ACountdownBeginsTheSessionInItsTimeAndCanBeCancelled) {
+  SessionMachine::Limits limits = kLimits;
+  limits.countdown = 5s;
+  SessionMachine m(limits);
+  const SessionOutcome pressed = m.handle(E::toggle, at(0s));
+  EXPECT_EQ(pressed.to, S::countdown);
+  EXPECT_EQ(pressed.action, A::none);
+  EXPECT_EQ(m.countdown_left(at(0s)), 5);
+  EXPECT_EQ(m.countdown_left(at(0.1s)), 5);
+  EXPECT_EQ(m.countdown_left(at(4.9s)), 1);
+  EXPECT_FALSE(m.tick(at(4.9s), false).changed());
+  const SessionOutcome begun = m.tick(at(5s), false);
+  EXPECT_EQ(begun.event, E::countdown_over);
+  EXPECT_EQ(begun.action, A::begin);
+  EXPECT_EQ(begun.to, S::estimating);
+  EXPECT_EQ(m.countdown_left(at(5s)), 0);
+
+  for (const E cancel : {E::toggle, E::stop, E::emergency_pressed, E::sources_ended}) {
+    SessionMachine n(limits);
+    n.handle(E::start, at(0s));
+    const SessionOutcome o = n.handle(cancel, at(1s));
+    EXPECT_EQ(o.to, S::idle) << to_string(cancel);
+    EXPECT_EQ(o.action, A::none) << "nothing was captured, so nothing is saved";
+    EXPECT_FALSE(n.tick(at(6s), false).changed()) << to_string(cancel);
+  }
+}
+
+TEST(SessionMachine, ACountdownOfNoLengthIsOverAtOnceAndTheCauseIsThePress) {
+  SessionMachine m(kLimits);
+  const SessionOutcome o = m.handle(E::start, at(0s));
+  EXPECT_EQ(o.from, S::idle);
+  EXPECT_EQ(o.to, S::estimating);
+  EXPECT_EQ(o.action, A::begin);
+  EXPECT_EQ(o.event, E::start);
+}
+
+/// Every sequence of so many steps from a set of them, and after each step what must hold whatever came before.
+struct Explorer {
+  struct Book {
+    bool open = false, latched = false;  ///< a session was begun and not ended; the emergency stop is pressed
+  };
+  static constexpr int kSteps = kSessionEvents + 5, kDepth = 4;
+  std::uint64_t seen = 0;
+
+  static SessionOutcome step(SessionMachine& m, int s, hal::MonotonicTime now) {
+    if (s < kSessionEvents) return m.handle(static_cast<E>(s), now);
+    if (s == kSessionEvents) return m.frame(true, true, now);
+    if (s == kSessionEvents + 1) return m.frame(true, false, now);
+    if (s == kSessionEvents + 2) return m.frame(false, false, now);
+    return m.tick(now, s == kSessionEvents + 4);
+  }
+
+  void explore(const SessionMachine& from, Book book, hal::MonotonicTime now, int depth) {
+    for (int s = 0; s < kSteps && !::testing::Test::HasFailure(); ++s) {
+      // Short and long waits, so that every limit is met on either side.
+      for (const auto wait : {std::chrono::milliseconds(100), std::chrono::milliseconds(70'000)}) {
+        SessionMachine m = from;
+        const SessionOutcome o = step(m, s, now + wait);
+        ++seen;
+        Book b = book;
+        if (s == static_cast<int>(E::emergency_pressed)) b.latched = true;
+        if (s == static_cast<int>(E::emergency_released)) b.latched = false;
+        ASSERT_EQ(o.from, from.state());
+        ASSERT_EQ(o.to, m.state());
+        ASSERT_EQ(m.latched(), b.latched);
+        if (o.action == A::begin) {
+          ASSERT_FALSE(b.open) << "a session in a session";
+          ASSERT_FALSE(b.latched) << "begun with the emergency stop pressed";
+          b.open = true;
+        }
+        if (o.action == A::end) {
+          ASSERT_TRUE(b.open) << "ended what was not begun";
+          ASSERT_EQ(o.to, S::finishing);
+          b.open = false;
+        }
+        ASSERT_EQ(b.open, m.running()) << to_string(o.from) << " -> " << to_string(o.to) << " by " << to_string(o.event);
+        if (!o.refusal.empty()) {
+          ASSERT_FALSE(o.changed());
+          ASSERT_EQ(o.action, A::none);
+        }
+        if (b.latched) {
+          ASSERT_FALSE(m.running());
+          ASSERT_NE(m.state(), S::countdown);
+        }
+        if (depth > 1) explore(m, b, now + wait, depth - 1);
+      }
+    }
+  }
+};
+
+TEST(SessionMachine, EverySequenceOfFourStepsKeepsItsPromises) {
+  for (const auto countdown : {0s, 5s}) {
+    SessionMachine::Limits limits = kLimits;
+    limits.countdown = countdown;
+    Explorer explorer;
+    explorer.explore(SessionMachine(limits), {}, at(0s), Explorer::kDepth);
+    EXPECT_GT(explorer.seen, 2'000'000u);
+  }
 }
 
 TEST(SessionMachine, IdleIgnoresFramesAndTime) {

@@ -1,0 +1,142 @@
+// From the keys gpio.* to a panel.
+#include "daemon/drivers_factory.gpio.hpp"
+
+#include <fmt/format.h>
+
+#include <map>
+#include <stdexcept>
+
+#include "drivers/gpio/gpio_panel.hpp"
+#include "drivers/gpio/gpiod_chips.hpp"
+#include "drivers/gpio/simulated_board.hpp"
+
+namespace booth::daemon {
+namespace {
+
+namespace gpio = drivers::gpio;
+using Gpio = decltype(Config::gpio);
+
+const char* const kSimulated = "simulated";
+
+gpio::Bias bias_of(const std::string& name) {
+  if (name == "disabled") return gpio::Bias::disabled;
+  if (name == "pull-up") return gpio::Bias::pull_up;
+  if (name == "pull-down") return gpio::Bias::pull_down;
+  return gpio::Bias::as_is;
+}
+
+struct NamedLine {
+  const char* key;
+  const std::string& line;
+};
+std::vector<NamedLine> lines_of(const Gpio& keys) {
+  return {{"start", keys.start}, {"stop", keys.stop}, {"emergency_stop", keys.emergency_stop}, {"light", keys.light}, {"buzzer", keys.buzzer}};
+}
+
+void check(const Gpio& keys) {
+  std::map<std::string, const char*> taken;
+  for (const auto& [key, line] : lines_of(keys)) {
+    if (line.empty()) continue;
+    if (keys.chip.empty()) throw std::invalid_argument(fmt::format("gpio.{} is set and gpio.chip is not: say on which chip the line is", key));
+    const auto [other, fresh] = taken.emplace(line, key);
+    if (!fresh) throw std::invalid_argument(fmt::format("gpio.{} and gpio.{} are the same line \"{}\": give each its own", other->second, key, line));
+  }
+  if (!keys.chip.empty() && taken.empty()) throw std::invalid_argument("gpio.chip is set and no line is: set gpio.start, gpio.light ...");
+  if (!keys.stop.empty() && keys.start.empty())
+    throw std::invalid_argument("gpio.stop is set and gpio.start is not: one button alone is gpio.start, it stops, too");
+}
+
+gpio::PanelSettings panel_settings(const Gpio& keys) {
+  gpio::PanelSettings out;
+  out.chip = keys.chip;
+  out.debounce = hal::from_seconds(keys.debounce_ms / 1000);
+  out.stuck = hal::from_seconds(keys.stuck_seconds);
+  const auto input = [&](gpio::Role role, const std::string& line, bool active_low) {
+    if (!line.empty()) out.lines.push_back({role, {.line = line, .output = false, .active_low = active_low, .bias = bias_of(keys.bias)}});
+  };
+  const auto output = [&](gpio::Role role, const std::string& line) {
+    if (!line.empty()) out.lines.push_back({role, {.line = line, .output = true, .active_low = keys.light_active_low}});
+  };
+  input(keys.stop.empty() ? gpio::Role::toggle : gpio::Role::start, keys.start, keys.active_low);
+  input(gpio::Role::stop, keys.stop, keys.active_low);
+  input(gpio::Role::emergency_stop, keys.emergency_stop, keys.emergency_stop_active_low);
+  output(gpio::Role::light, keys.light);
+  output(gpio::Role::buzzer, keys.buzzer);
+  return out;
+}
+
+class Visitor final : public SimulatedVisitor {
+ public:
+  Visitor(const hal::Clock& clock, const Gpio& keys) : keys_(keys), board_(clock, kSimulated, names(keys)) {
+    // The contact of an emergency stop drives its line when at rest, so that a cut wire is a stop.
+    if (!keys.emergency_stop.empty()) board_.drive(keys.emergency_stop, keys.emergency_stop_active_low);
+  }
+
+  bool press(const std::string& button, bool down) override {
+    const std::string line = button == "light" || button == "buzzer" ? "" : line_of(button);
+    if (!line.empty()) board_.press(line, down);
+    return !line.empty();
+  }
+  std::vector<LampChange> history(const std::string& lamp) const override {
+    std::vector<LampChange> out;
+    if (const std::string line = line_of(lamp); !line.empty())
+      for (const auto& change : board_.history(line)) out.push_back({change.at, change.active});
+    return out;
+  }
+  bool lit(const std::string& lamp) const override {
+    const std::string line = line_of(lamp);
+    return !line.empty() && board_.lit(line);
+  }
+  gpio::SimulatedBoard& board() { return board_; }
+
+ private:
+  static std::vector<std::string> names(const Gpio& keys) {
+    std::vector<std::string> out;
+    for (const auto& [key, line] : lines_of(keys))
+      if (!line.empty()) out.push_back(line);
+    return out;
+  }
+  std::string line_of(const std::string& key) const {
+    for (const auto& [name, line] : lines_of(keys_))
+      if (name == key) return line;
+    return "";
+  }
+
+  const Gpio keys_;
+  gpio::SimulatedBoard board_;
+};
+
+/// The configuration's, and for a simulated chip without lines one of each.
+Gpio resolved(const Config& config) {
+  Gpio keys = config.gpio;
+  if (keys.chip == kSimulated && keys.start.empty() && keys.stop.empty() && keys.emergency_stop.empty() && keys.light.empty() && keys.buzzer.empty()) {
+    keys.start = "start";
+    keys.emergency_stop = "emergency_stop";
+    keys.light = "light";
+    keys.buzzer = "buzzer";
+  }
+  check(keys);
+  return keys;
+}
+
+}  // namespace
+
+void check_panel(const Config& config) { (void)resolved(config); }
+
+PanelDevice open_panel(const Config& config, const hal::Clock& clock) {
+  const Gpio keys = resolved(config);
+  PanelDevice out;
+  if (keys.chip.empty()) return out;
+  if (keys.chip == kSimulated) {
+    auto visitor = std::make_shared<Visitor>(clock, keys);
+    out.panel = gpio::make_gpio_panel(gpio::make_simulated_chips(visitor->board()), panel_settings(keys), clock);
+    out.visitor = std::move(visitor);
+    return out;
+  }
+  out.panel = gpio::make_gpio_panel(gpio::make_gpiod_chips(), panel_settings(keys), clock);
+  return out;
+}
+
+hal::GpioChips list_gpio_chips() { return drivers::gpio::list_gpiod_chips(); }
+
+}  // namespace booth::daemon
