@@ -1,16 +1,14 @@
 // boothd and boothctl as programs: exit statuses, a whole session on the simulated booth, SIGTERM in the middle of one.
-#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <nlohmann/json.hpp>
 #include <thread>
 
 #include "daemon/ctl/control_client.hpp"
 #include "tests/daemon/support/fake_booth.hpp"
+#include "tests/daemon/support/program.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
 
 namespace booth::daemon {
@@ -20,45 +18,8 @@ using namespace std::chrono_literals;
 using nlohmann::json;
 using ::testing::HasSubstr;
 using tests::eventually;
+using tests::Program;
 using tests::read_text;
-
-/// A child process with its output in a file.
-class Program {
- public:
-  Program(const std::string& name, std::vector<std::string> arguments, std::filesystem::path output) : output_(std::move(output)) {
-    arguments.insert(arguments.begin(), BOOTH_BINARY_DIR "/bin/" + name);
-    std::vector<char*> argv;
-    for (auto& a : arguments) argv.push_back(a.data());
-    argv.push_back(nullptr);
-    pid_ = ::fork();
-    if (pid_ == 0) {
-      const int fd = ::open(output_.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
-      ::dup2(fd, STDOUT_FILENO);
-      ::dup2(fd, STDERR_FILENO);
-      ::execv(argv[0], argv.data());
-      ::_exit(127);
-    }
-  }
-  ~Program() {
-    if (pid_ > 0) {
-      ::kill(pid_, SIGKILL);
-      ::waitpid(pid_, nullptr, 0);
-    }
-  }
-  void signal(int s) { ::kill(pid_, s); }
-  /// Exit status, -1 when it was killed or does not end in time.
-  int wait(std::chrono::seconds limit = 60s) {
-    int status = 0;
-    if (!eventually([&] { return ::waitpid(pid_, &status, WNOHANG) == pid_; }, limit)) return -1;
-    pid_ = -1;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-  std::string output() const { return read_text(output_); }
-
- private:
-  std::filesystem::path output_;
-  pid_t pid_ = -1;
-};
 
 struct ProgramTest : ::testing::Test {
   int run(const std::string& name, const std::vector<std::string>& arguments) {
@@ -116,6 +77,10 @@ TEST_F(ProgramTest, ExitStatuses) {
   EXPECT_THAT(output, HasSubstr("boothd is not running"));
   EXPECT_EQ(run("boothctl", {"doctor", "--root", folder.path.string(), "--set", "cameras.driver=kinect2", "--json"}), 1);
   EXPECT_THAT(output, HasSubstr("this machine has no USB"));
+  EXPECT_EQ(run("boothd", {"--set", "gpio.start=3"}), 78);
+  EXPECT_THAT(output, HasSubstr("gpio.chip is not"));
+  EXPECT_EQ(run("boothd", {"--check-config", "--set", "gpio.chip=gpiochip9", "--set", "gpio.start=3", "--set", "gpio.light=3"}), 78);
+  EXPECT_THAT(output, HasSubstr("gpio.start and gpio.light are the same line \"3\""));
   EXPECT_EQ(run("boothctl", {"dance"}), 64);
   EXPECT_EQ(run("boothctl", {"track", "/nonexistent"}), 1);
 }
