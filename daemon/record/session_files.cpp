@@ -178,7 +178,7 @@ fs::path create_session_folder(const fs::path& directory, const SessionInfo& inf
   fs::create_directories(directory, error);
   const fs::path folder = directory / info.id, temporary = directory / ("." + info.id + ".part");
   make_private_folder(temporary);
-  write_file_atomically(temporary / "session.json", info_json(info).dump(2) + "\n", 0600);
+  write_file_atomically(temporary / "session.json", info_json(info).dump(2, ' ', false, Json::error_handler_t::replace) + "\n", 0600);
   fs::rename(temporary, folder, error);
   if (error) {
     errno = error.value();
@@ -278,7 +278,7 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
       }
     }
   }
-  out.json = j.dump(2) + "\n";
+  out.json = j.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
   write_file_atomically(folder / "session.json", out.json, 0600);
   std::error_code ignored;
   fs::remove(folder / kFrameLogName, ignored);

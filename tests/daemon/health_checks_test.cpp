@@ -135,7 +135,9 @@ TEST_F(DoctorTest, OfAMachineWithoutUsbIsAnErrorOnlyWhereSensorsAreWanted) {
   const tests::TemporaryFolder empty;
   in.is_sensor = is_sensor;
   in.usb = open_usb_topology(empty.path)->read();
+  in.root = empty.path;
   EXPECT_EQ(worst(check_usb(in), "kernel"), "error");
+  EXPECT_THAT(troubles(check_usb(in)), HasSubstr("no " + (empty.path / "sys/bus/usb").string())) << "the place that was looked at";
   in.config.cameras.driver = "synthetic";
   EXPECT_EQ(worst(check_usb(in), "kernel"), "skipped");
   for (const auto& check : run_checks(in)) EXPECT_FALSE(check.seen.empty()) << check.name;
@@ -146,6 +148,52 @@ TEST_F(DoctorTest, FindsAnInterfaceThatDoesNotExist) {
   EXPECT_EQ(worst(check_dds(in), "interface"), "error");
   in.config.dds.interface = "127.0.0.1";
   EXPECT_EQ(worst(check_dds(in), "interface"), "ok");
+}
+
+/// A machine with a busy and a well-behaved chip.
+hal::GpioChips planted_chips() {
+  hal::GpioChipInfo soc{.path = "/dev/gpiochip0", .name = "gpiochip0", .label = "INTC1057:00", .problem = "", .lines = {}};
+  for (unsigned i = 0; i < 4; ++i) soc.lines.push_back({.offset = i, .name = "", .consumer = i == 2 ? "reset" : "", .used = i >= 2, .output = false});
+  hal::GpioChipInfo usb{.path = "/dev/gpiochip1", .name = "gpiochip1", .label = "cp2112_gpio", .problem = "", .lines = {}};
+  for (const char* name : {"start", "stop", "twice", "twice"})
+    usb.lines.push_back({.offset = static_cast<unsigned>(usb.lines.size()), .name = name, .consumer = "", .used = false, .output = false});
+  return {soc, usb, {.path = "/dev/gpiochip2", .name = "", .label = "", .problem = "Permission denied", .lines = {}}};
+}
+
+TEST_F(DoctorTest, OfButtonsAndLight) {
+  auto& keys = in.config.gpio;
+  EXPECT_EQ(worst(check_gpio(in), "chip"), "skipped") << "a booth without any";
+  keys.chip = "simulated";
+  EXPECT_EQ(worst(check_gpio(in), "chip"), "ok");
+  keys.chip = "cp2112_gpio";
+  keys.start = "start";
+  keys.light = "3";
+  EXPECT_EQ(worst(check_gpio(in), "chip"), "skipped") << "another root has no lines";
+  in.gpio = planted_chips();
+  EXPECT_EQ(troubles(check_gpio(in)), "");
+  EXPECT_EQ(worst(check_gpio(in), "gpio.start"), "ok");
+  EXPECT_EQ(worst(check_gpio(in), "gpio.light"), "ok") << "by its offset";
+
+  keys.light = "lamp";
+  EXPECT_THAT(troubles(check_gpio(in)), HasSubstr("gpiochip1 has no line \"lamp\"; it has 4 lines, named start, stop"));
+  keys.light = "4";
+  EXPECT_EQ(worst(check_gpio(in), "gpio.light"), "error") << "one too far";
+  keys.light = "twice";
+  EXPECT_THAT(troubles(check_gpio(in)), HasSubstr("two lines \"twice\""));
+  keys.light = "";
+  keys.chip = "/dev/gpiochip0";
+  keys.start = "2";
+  EXPECT_THAT(troubles(check_gpio(in)), HasSubstr("line 2 of gpiochip0 is used by \"reset\""));
+  keys.start = "3";
+  EXPECT_THAT(troubles(check_gpio(in)), HasSubstr("used by \"the kernel\""));
+  (*in.gpio)[0].lines[3].consumer = "boothd";
+  EXPECT_EQ(troubles(check_gpio(in)), "") << "boothd runs already";
+  keys.chip = "/dev/gpiochip2";
+  EXPECT_THAT(troubles(check_gpio(in)), HasSubstr("Permission denied"));
+  keys.chip = "gpiochip7";
+  EXPECT_THAT(troubles(check_gpio(in)), HasSubstr("there are gpiochip0 (INTC1057:00), gpiochip1 (cp2112_gpio), /dev/gpiochip2"));
+  in.gpio->clear();
+  EXPECT_THAT(troubles(check_gpio(in)), HasSubstr("this machine has no GPIO chip"));
 }
 
 }  // namespace
