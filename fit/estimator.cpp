@@ -20,6 +20,7 @@ namespace {
 constexpr int kBadFramesUntilSearch = 2;  // a single bad frame is bridged, not searched
 constexpr int kRivalFrames = 10;          // men's and women's models both follow a new person for so long; then the better is kept
 constexpr double kStrangerGain = 0.8;     // share of the evidence's energy that a new body may leave, to be taken for somebody else
+constexpr double kClothWeight = 0.05;     // of points outside the body where it is clothed: docs/design/detail.md
 constexpr double kRivalShare = 1.5;       // a model whose first energy is more than this share above the best is out at once
 
 }  // namespace
@@ -57,6 +58,7 @@ struct Estimator::Impl {
       Candidate c;
       c.model = model;
       if (s.preset == Preset::booth) c.booth = std::make_unique<BoothFitter>(*model, *prior, pool, s.parts);
+      if (c.booth && s.clothed) c.booth->set_clothed(kClothWeight);
       c.diagnostics = std::make_unique<Diagnostics>(*model);
       candidates.push_back(std::move(c));
     }

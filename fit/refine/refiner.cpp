@@ -97,7 +97,7 @@ void Refiner::collect(const Problem& problem, int portion) {
   const Robust robust{problem.stage.robust * problem.stage.robust};
   const int samples = problem.cloud_samples;
   const float data_weight = static_cast<float>(weights.effective_points / (std::max(samples, 1) * weights.sigma * weights.sigma));
-  const float tangential = static_cast<float>(weights.tangential);
+  const float tangential = static_cast<float>(weights.tangential), cloth = static_cast<float>(weights.outside);
   const auto [first, last] = range(samples);
   for (int s = first; s < last; ++s) {
     const auto i = static_cast<std::size_t>(static_cast<std::int64_t>(s) * cloud.size / samples);
@@ -105,8 +105,8 @@ void Refiner::collect(const Problem& problem, int portion) {
     out.data_count += 1;
     const int v = pn.isZero() ? grid_.nearest(p, problem.stage.reach) : grid_.nearest(p, problem.stage.reach, pn, kNormalGate);
     if (v < 0) {
-      out.data += 1;
-      out.energy += static_cast<double>(data_weight * robust.scale2);
+      out.data += static_cast<double>(cloth);
+      out.energy += static_cast<double>(cloth * data_weight * robust.scale2);
       continue;
     }
     Eigen::Vector3f difference = poser_.position(v) - p;
@@ -115,9 +115,10 @@ void Refiner::collect(const Problem& problem, int portion) {
     const float along = n.dot(difference);
     const Eigen::Vector3f across = difference - along * n;
     const float r2 = along * along + tangential * across.squaredNorm();
-    const float w = data_weight * robust.weight(r2);
-    out.data += static_cast<double>(robust.cost(r2) / robust.scale2);
-    out.energy += static_cast<double>(data_weight * robust.cost(r2));
+    const float say = along < 0 ? cloth : 1.0f;
+    const float w = say * data_weight * robust.weight(r2);
+    out.data += static_cast<double>(say * robust.cost(r2) / robust.scale2);
+    out.energy += static_cast<double>(say * data_weight * robust.cost(r2));
     add_row(v, n, along, w);
     if (tangential <= 0 || s % kTangentialStep != 0) continue;
     const float length = across.norm();
@@ -138,8 +139,9 @@ void Refiner::collect(const Problem& problem, int portion) {
       }
       const Eigen::Vector3f difference = poser_.position(v) - Eigen::Vector3f(thin_.x[c], thin_.y[c], thin_.z[c]);
       const float r2 = difference.squaredNorm(), length = std::sqrt(r2);
-      out.energy += static_cast<double>(pull * robust.cost(r2));
-      if (length > 1e-4f) add_row(v, difference / length, length, pull * robust.weight(r2));
+      const float say = n.dot(difference) < 0 ? cloth : 1.0f;
+      out.energy += static_cast<double>(say * pull * robust.cost(r2));
+      if (length > 1e-4f) add_row(v, difference / length, length, say * pull * robust.weight(r2));
     }
   }
 

@@ -31,6 +31,7 @@ struct RefineWeights {
   double effective_points = 600;  ///< how many independent measurements the whole cloud counts as
   double model_to_cloud = 200;    ///< independent measurements that the model's vertices count as, where schedule.model_to_cloud
   double tangential = 0.05;       ///< weight of point-to-point against point-to-plane
+  double outside = 1;             ///< of points outside the body against those inside; below 1 for clothes, which never lie inside it
   double free_space = 200;        ///< independent measurements that the model's free-space and silhouette evidence counts as
   double floor = 50;              ///< and the floor
   double pose_outside = 25;       ///< 1 / rad^2, distance from the prior's subspace

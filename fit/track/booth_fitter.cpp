@@ -44,6 +44,7 @@ BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerP
   if (!parts_.pose_prior) weights_.pose_outside = weights_.pose_inside = weights_.limits = 0;
   if (!parts_.symmetry) weights_.bone = 0;
   if (!parts_.two_sided) weights_.effective_points = weights_.free_space = 0;
+  fine_weights_ = weights_;
   if (!parts_.refinement)
     for (RefineSchedule* s : {&coarse_schedule_, &middle_schedule_, &start_schedule_, &limb_schedule_, &thorough_track_schedule_, &track_schedule_})
       for (auto& stage : s->stages) stage.iterations = 0;
@@ -91,7 +92,7 @@ bool BoothFitter::accepted(const RefineReport& report, const Observation& observ
 
 void BoothFitter::refine_fine(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity,
                               Solution& solution) {
-  solution.report = fine_.refine(observation, weights_, schedule, belief, belief_, velocity, solution.q, solution.beta);
+  solution.report = fine_.refine(observation, fine_weights_, schedule, belief, belief_, velocity, solution.q, solution.beta);
   solution.iterations += solution.report.iterations;
   solution.found = accepted(solution.report, observation);
 }

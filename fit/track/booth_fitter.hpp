@@ -24,6 +24,8 @@ class BoothFitter {
  public:
   BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerPool& pool, const FitParts& parts = {});
 
+  /// Points outside the body are taken for clothes and weigh little; those inside weigh as ever. Before anything is fitted.
+  void set_clothed(double weight) { fine_weights_.outside = weight; }
   /// Forgets pose, motion and shape.
   void reset();
   /// Forgets pose and motion; the shape that was learnt stays.
@@ -72,7 +74,7 @@ class BoothFitter {
   const BodyModel& model_;
   const PosePrior& prior_;
   const FitParts parts_;
-  RefineWeights weights_;
+  RefineWeights weights_, fine_weights_;
   StartSearch search_;
   Refiner coarse_, fine_;
   RefineSchedule coarse_schedule_, limb_schedule_, middle_schedule_, start_schedule_, thorough_track_schedule_, track_schedule_;
