@@ -8,6 +8,7 @@
 #include <string>
 
 #include "fit/cloud/cloud_builder.hpp"
+#include "fit/cloud/exterior_view.hpp"
 
 namespace booth::fit {
 namespace {
@@ -370,7 +371,16 @@ std::vector<float> view_votes(const Points& points, const Points& normals, std::
 void turn_outwards(const Points& points, Points& normals, const SortedGrid& grid, float step, std::span<const Eigen::Vector3f> viewpoints) {
   std::vector<float> votes = enclosure_votes(points, normals, step);
   const bool viewed = std::any_of(viewpoints.begin(), viewpoints.end(), [](const Eigen::Vector3f& v) { return v.allFinite(); });
-  if (votes.empty()) votes = viewed ? view_votes(points, normals, viewpoints) : axis_votes(points, normals, grid);
+  const bool enclosed = !votes.empty();
+  if (!enclosed) votes = viewed ? view_votes(points, normals, viewpoints) : axis_votes(points, normals, grid);
+  // A hole lets the outside into the hollow that it opens; what can be seen from where hardly changes with it.
+  if (enclosed || !viewed) {
+    constexpr float kClearlyOpen = 0.2f;
+    const ExteriorView view(points, step);
+    for (Index i = 0; i < points.size(); ++i)
+      if (const float open = normals[i].isZero() ? 0.0f : view.openness(points[i], normals[i]); std::abs(open) > kClearlyOpen)
+        votes[i] = std::copysign(1.0f, open);
+  }
 
   struct Link {
     Index to;
