@@ -225,7 +225,7 @@ struct Estimator::Impl {
     if (c.booth) {
       result.energy.cloud_to_model = s.report.data;
       result.energy.free_space = s.report.free_space;
-      if (state != FitState::lost) c.diagnostics->covariance(c.booth->refiner().information(), result);
+      if (state != FitState::lost) c.diagnostics->covariance(c.booth->refiner().information(), c.booth->shape_information(), result);
       result.body_accepted = c.booth->shape_settled() && !rival;
     } else {
       if (observation.cloud.size > 0 && state != FitState::lost) {
@@ -235,6 +235,7 @@ struct Estimator::Impl {
       // The swarm gives no curvature: each joint is as uncertain as the cloud is far.
       const double variance = result.cloud_to_model.mean * result.cloud_to_model.mean;
       for (auto& covariance : result.joint_covariance) covariance = variance * Eigen::Matrix3d::Identity();
+      result.shape_covariance.resize(0, 0);
       result.body_accepted = state == FitState::tracked;
     }
   }

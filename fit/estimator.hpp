@@ -10,6 +10,7 @@
 #include <string>
 
 #include "fit/body/body_model.hpp"
+#include "fit/body/measure.hpp"
 #include "fit/cloud/observation.hpp"
 #include "fit/prior/pose_prior.hpp"
 #include "fit/swarm/guarded_swarm.hpp"
@@ -75,6 +76,7 @@ struct FitResult {
   std::array<Eigen::Quaterniond, kBones> bone_rotation;   ///< world rotation of each bone, CMU frame
   std::array<Eigen::Matrix3d, kJoints> joint_covariance;  ///< m^2
   std::array<JointVisibility, kJoints> visibility{};
+  ShapeMatrix shape_covariance;  ///< of beta, for measure_with_sd(); empty where nothing is known (preset paper)
   EnergyTerms energy;
   DistanceStatistics cloud_to_model;  ///< distance of the cloud's points to the fitted surface
   DistanceStatistics model_to_cloud;  ///< of visible model vertices to the nearest cloud point

@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "daemon/io/file_bytes.hpp"
+#include "fit/cloud/scan_floor.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -34,6 +35,25 @@ Eigen::Matrix3Xf joined(const Eigen::Matrix3Xf& a, const Eigen::Matrix3Xf& b) {
   Eigen::Matrix3Xf out(3, a.cols() + b.cols());
   out << a, b;
   return out;
+}
+
+/// Leaves what stands on the floor.
+void take_out_floor(FitInput& input) {
+  const fit::ScanFloor floor = fit::find_scan_floor(input.points);
+  if (!floor.found) return;
+  Eigen::Index kept = 0;
+  for (Eigen::Index i = 0; i < input.points.cols(); ++i) {
+    if (floor.above[static_cast<std::size_t>(i)] == 0) continue;
+    input.points.col(kept) = input.points.col(i);
+    if (input.normals.cols() > 0) input.normals.col(kept) = input.normals.col(i);
+    ++kept;
+  }
+  input.floor_points = input.points.cols() - kept;
+  input.points.conservativeResize(3, kept);
+  if (input.normals.cols() > 0) input.normals.conservativeResize(3, kept);
+  input.floor_known = true;
+  input.floor_height = floor.height;
+  input.notes.push_back(std::to_string(input.floor_points) + " points of the floor were taken out");
 }
 
 std::string place(const std::filesystem::path& path, const toml::node& node) { return path.string() + ":" + std::to_string(node.source().begin.line) + ": "; }
@@ -98,6 +118,7 @@ FitInput read_fit_input(const std::vector<std::filesystem::path>& files, const C
     out.points = joined(out.points, cloud.points);
     out.normals = every_normal ? joined(out.normals, cloud.normals) : Eigen::Matrix3Xf(3, 0);
   }
+  take_out_floor(out);
   if (out.points.cols() < kFewestPoints)
     throw std::runtime_error("the input has only " + std::to_string(out.points.cols()) + " points; a body needs at least " + std::to_string(kFewestPoints));
   return out;

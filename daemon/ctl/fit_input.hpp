@@ -17,10 +17,14 @@ struct FitInput {
   Eigen::Matrix3Xf points;
   Eigen::Matrix3Xf normals;        ///< pointing outwards; empty when the files have none that can be relied on
   std::int64_t dropped = 0;        ///< points that were no numbers
+  std::int64_t floor_points = 0;   ///< points of the floor and of what lies on it apart from the person, taken out
+  bool floor_known = false;
+  float floor_height = 0;          ///< m (y), where a floor was taken out
   std::vector<std::string> notes;  ///< what a person should know: sampled, dropped, turned round, converted
 };
 
-/// Reads files of one moment and puts them together. A mesh is replaced by points spread evenly over its area.
+/// Reads files of one moment and puts them together. A mesh is replaced by points spread evenly over its area. A floor that was scanned with the person is
+/// found and taken out.
 /// Throws what read_cloud_file() throws, and std::runtime_error when fewer than 200 points are left.
 FitInput read_fit_input(const std::vector<std::filesystem::path>& files, const CloudReadOptions& options);
 

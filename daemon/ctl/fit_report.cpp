@@ -87,9 +87,10 @@ std::string fit_json(const fit::FitResult& result, const fit::BodyModel& model, 
   out["bone_lengths"] = lengths;
 
   Json measurements = Json::object();
-  // The estimator gives no covariance of the shape, so no deviation can be claimed: null, not zero.
-  for (const fit::Measurement& m : fit::measure(model, result.beta))
-    measurements[std::string(m.name)] = {{"value", m.value}, {"sd", nullptr}, {"unit", m.unit}};
+  // Where the estimator gives no covariance of the shape (preset paper), no deviation can be claimed: null, not zero.
+  const bool known = result.shape_covariance.rows() > 0;
+  for (const fit::Measurement& m : fit::measure_with_sd(model, result.beta, result.shape_covariance))
+    measurements[std::string(m.name)] = {{"value", m.value}, {"sd", known ? Json(m.sd) : Json()}, {"unit", m.unit}};
   out["measurements"] = measurements;
 
   const Json energy = energies(result.energy);
@@ -102,11 +103,16 @@ std::string fit_json(const fit::FitResult& result, const fit::BodyModel& model, 
   out["total_ms"] = context.total_ms;
   out["cloud_to_model"] = distances(result.cloud_to_model);
   out["model_to_cloud"] = distances(result.model_to_cloud);
+  out["clothed"] = context.clothed;
+  if (context.detail) {
+    out["cloud_to_model_detail"] = distances(context.detail->cloud_to_model);
+    out["detail"] = {{"seen_fraction", context.detail->seen}, {"mean_offset", context.detail->mean}, {"largest_offset", context.detail->largest}};
+  }
   out["coverage"] = coverage_is_partial(result, context.viewpoints) ? "partial" : "full";
   out["coverage_fraction"] = result.coverage;
   out["warnings"] = warnings(result, context.viewpoints);
   out["input"] = {
-      {"files", context.files}, {"points", context.points}, {"dropped", context.dropped}, {"viewpoints", context.viewpoints}, {"notes", context.notes}};
+      {"files", context.files}, {"points", context.points}, {"dropped", context.dropped}, {"floor", context.floor_points}, {"viewpoints", context.viewpoints}, {"notes", context.notes}};
   return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

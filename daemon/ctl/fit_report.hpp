@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,13 @@
 #include "fit/estimator.hpp"
 
 namespace booth::daemon {
+
+/// What the detail layer added.
+struct DetailSummary {
+  fit::DistanceStatistics cloud_to_model;  ///< of the cloud's points to the surface with detail
+  double seen = 0;                         ///< fraction of the vertices whose offsets points have measured
+  double mean = 0, largest = 0;            ///< of the offsets' sizes over those, m
+};
 
 struct FitContext {
   std::string preset;  ///< "booth" or "paper"
@@ -20,6 +28,9 @@ struct FitContext {
   std::vector<std::string> files;        ///< as they were given
   std::int64_t points = 0, dropped = 0;  ///< used; not finite
   std::vector<std::string> notes;        ///< what was changed in the input
+  std::int64_t floor_points = 0;         ///< of the input, taken out
+  bool clothed = false;
+  std::optional<DetailSummary> detail;
 };
 
 /// True when so little of the body was seen that the rest is inferred: from one camera, about half of it is.

@@ -6,8 +6,10 @@
 
 #include <CLI/CLI.hpp>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <iostream>
+#include <optional>
 #include <stdexcept>
 
 #include "daemon/ctl/fit_input.hpp"
@@ -16,6 +18,7 @@
 #include "daemon/io/glb_file.hpp"
 #include "daemon/io/model_file.hpp"
 #include "fit/cloud/cloud_builder.hpp"
+#include "fit/detail/detail_layer.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -50,23 +53,63 @@ std::unique_ptr<fit::Estimator> make_estimator(const Options& options, fit::Esti
   return std::make_unique<fit::Estimator>(load("men"), load("women"), std::move(prior), settings);
 }
 
-void write_results(const Options& options, UpAxis up, const fit::Estimator& estimator, const fit::FitResult& result, const std::string& json) {
+/// The detail layer on a fitted body.
+struct Detail {
+  fit::DetailLayer layer;
+  DetailSummary summary;
+
+  Detail(const fit::BodyModel& model, const fit::Observation& observation, const fit::FitResult& result) : layer(model) {
+    layer.fit(observation, result.beta, result.q);
+    summary.cloud_to_model = layer.distances(observation.cloud, result.beta, result.q);
+    int seen = 0;
+    for (int v = 0; v < model.vertex_count(); ++v) {
+      if (!layer.seen(v)) continue;
+      ++seen;
+      summary.mean += std::abs(layer.offsets()[v]);
+      summary.largest = std::max(summary.largest, std::abs(layer.offsets()[v]));
+    }
+    summary.mean /= std::max(1, seen);
+    summary.seen = static_cast<double>(seen) / model.vertex_count();
+  }
+};
+
+void write_results(const Options& options, UpAxis up, const fit::Estimator& estimator, const fit::FitResult& result, const Detail* detail,
+                   const std::string& json) {
   std::error_code error;
   std::filesystem::create_directories(options.out, error);
   if (error) throw std::runtime_error("cannot make the folder " + options.out.string() + ": " + error.message());
   const fit::BodyModel& model = estimator.model();
-  fit::Vertices normals, rest;
-  fit::vertex_normals(estimator.posed_vertices(), model.data().faces, normals);
-  write_ply(options.out / "body.ply", {estimator.posed_vertices(), &normals, &model.data().faces}, up, "boothctl fit, model " + model.data().version);
-  model.shaped(result.beta, rest);
   const fit::Points3 joints = model.rest_joints(result.beta);
+  fit::Vertices normals, rest, posed;
+  model.shaped(result.beta, rest);
+  if (detail) detail->layer.apply(rest, rest);
+  model.pose_mesh(rest, joints, result.q, posed);
+  fit::vertex_normals(posed, model.data().faces, normals);
+  write_ply(options.out / "body.ply", {posed, &normals, &model.data().faces}, up, "boothctl fit, model " + model.data().version);
   write_glb(options.out / "body.glb", {model, rest, joints, result.q});
   write_file_atomically(options.out / "fit.json", json);
 }
 
+/// Where the axes are wrong, the body that was tried explains little; says which way up a person does fit, empty when none does.
+std::string other_axes(const Options& options, UpAxis tried) {
+  const UpAxis other = tried == UpAxis::z ? UpAxis::y : UpAxis::z;
+  FitInput input;
+  try {
+    input = read_fit_input(options.clouds, {.units = *units_from_name(options.units), .up = other});
+  } catch (const std::exception&) {
+    return {};
+  }
+  const auto estimator = make_estimator(options, {});
+  fit::Observation observation(fit::EstimatorSettings{}.cloud_capacity);
+  fit::CloudReport report;
+  if (!fit::build_unorganised(input.points, input.normals, {}, {}, observation, report)) return {};
+  const fit::FitResult& result = estimator->fit(observation);
+  if (!refusal(result).empty()) return {};
+  return fmt::format("; with --up {} a body lies {:.0f} mm from the points", other == UpAxis::y ? "y" : "z", 1000 * result.cloud_to_model.mean);
+}
+
 void run(const Options& options) {
-  if (options.detail) throw std::runtime_error("--detail is not in this version: there is no local detail beyond the shape space yet; leave the option out");
-  if (options.clothed) throw std::runtime_error("--clothed is not in this version: the body is fitted to the surface as it is seen; leave the option out");
+  if (options.clothed && options.preset == "paper") throw std::runtime_error("--clothed needs preset booth; the published energy pulls the body to the clothes");
   const UpAxis up = options.up == "y" ? UpAxis::y : UpAxis::z;
   progress("reading");
   const FitInput input = read_fit_input(options.clouds, {.units = *units_from_name(options.units), .up = up});
@@ -75,6 +118,7 @@ void run(const Options& options) {
   fit::PoseVector initial;
   if (!options.initial.empty()) initial = read_initial_pose(options.initial);
   fit::EstimatorSettings settings;
+  settings.clothed = options.clothed;
   const auto estimator = make_estimator(options, settings);
 
   progress("fitting");
@@ -83,9 +127,17 @@ void run(const Options& options) {
   fit::CloudReport report;
   if (!fit::build_unorganised(input.points, input.normals, viewpoints, {}, observation, report))
     throw std::runtime_error(std::string("no person in the input: ") + fit::describe(report.outcome));
+  observation.floor_known = input.floor_known;
+  observation.floor_height = input.floor_height;
   const fit::FitResult& result = estimator->fit(observation, options.initial.empty() ? nullptr : &initial);
-  const double total_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
-  if (const std::string why = refusal(result); !why.empty()) throw std::runtime_error(why);
+  const auto elapsed_ms = [&] { return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count(); };
+  if (const std::string why = refusal(result); !why.empty()) throw std::runtime_error(why + other_axes(options, up));
+  std::optional<Detail> detail;
+  if (options.detail) {
+    progress("detail");
+    detail.emplace(estimator->model(), observation, result);
+  }
+  const double total_ms = elapsed_ms();
 
   FitContext context;
   context.preset = options.preset;
@@ -98,17 +150,23 @@ void run(const Options& options) {
   context.points = observation.cloud.size;
   context.dropped = input.dropped;
   context.notes = input.notes;
+  context.floor_points = input.floor_points;
+  context.clothed = options.clothed;
+  if (detail) context.detail = detail->summary;
   const std::string json = fit_json(result, estimator->model(), context);
-  write_results(options, up, *estimator, result, json);
+  write_results(options, up, *estimator, result, detail ? &*detail : nullptr, json);
 
   for (const std::string& note : input.notes) std::cerr << "note: " << note << "\n";
   for (const std::string& warning : warnings(result, viewpoints.size())) std::cerr << "warning: " << warning << "\n";
   if (options.json)
     std::cout << json;
   else
-    std::cout << fmt::format("{}, {} points, cloud to body {:.1f} mm mean, {:.1f} mm p95, {:.0f} ms\nwrote {}, {}, {}\n", fit::to_string(result.sex),
-                             observation.cloud.size, 1000 * result.cloud_to_model.mean, 1000 * result.cloud_to_model.p95, total_ms,
-                             (options.out / "fit.json").string(), (options.out / "body.ply").string(), (options.out / "body.glb").string());
+    std::cout << fmt::format("{}, {} points, cloud to body {:.1f} mm mean, {:.1f} mm p95{}, {:.0f} ms\nwrote {}, {}, {}\n", fit::to_string(result.sex),
+                             observation.cloud.size, 1000 * result.cloud_to_model.mean, 1000 * result.cloud_to_model.p95,
+                             detail ? fmt::format("; with detail {:.1f} mm mean, {:.1f} mm p95", 1000 * detail->summary.cloud_to_model.mean,
+                                                  1000 * detail->summary.cloud_to_model.p95)
+                                    : "",
+                             total_ms, (options.out / "fit.json").string(), (options.out / "body.ply").string(), (options.out / "body.glb").string());
 }
 
 }  // namespace
@@ -127,8 +185,8 @@ void add_fit_verb(CLI::App& boothctl) {
   verb->add_option("--threads", options->threads, "Workers; the result does not depend on them")->check(CLI::Range(1, 256))->capture_default_str();
   verb->add_option("--out", options->out, "Folder for fit.json, body.ply and body.glb")->capture_default_str();
   verb->add_option("--models", options->models, "Folder of the body models");
-  verb->add_flag("--detail", options->detail, "Local detail beyond the shape space (not in this version)");
-  verb->add_flag("--clothed", options->clothed, "The body under clothes (not in this version)");
+  verb->add_flag("--detail", options->detail, "Add what no shape space holds: folds, hair, shoes and clothes, as an offset of each vertex");
+  verb->add_flag("--clothed", options->clothed, "The points are clothes: find the body under them");
   verb->add_flag("--json", options->json, "Print fit.json");
   verb->callback([options] { run(*options); });
 }

@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <set>
 #include <stdexcept>
 
@@ -28,6 +29,10 @@ constexpr std::array<Description, kMeasures> kDescriptions{{
     {"leg_length", "m"},
     {"crotch_height", "m"},
 }};
+
+/// sd^2 = kScale^2 * (carried variance) + unexplained^2, set by `booth-uncertainty-study` on people who are neither in the models nor set aside.
+constexpr double kScale = 1;
+constexpr std::array<double, kMeasures> kUnexplained{};
 
 /// Length of the convex hull of points in a plane (monotone chain). Sorts its argument.
 double hull_length(std::vector<Eigen::Vector2d>& p) {
@@ -129,7 +134,45 @@ MeasureValues Measurer::measure(const Vertices& rest, const Points3& joints) con
 
 std::vector<Measurement> named(const MeasureValues& values) {
   std::vector<Measurement> list;
-  for (std::size_t i = 0; i < values.size(); ++i) list.push_back({kDescriptions[i].name, values[i], kDescriptions[i].unit});
+  for (std::size_t i = 0; i < values.size(); ++i) list.push_back({kDescriptions[i].name, values[i], kDescriptions[i].unit, 0});
+  return list;
+}
+
+double calibrated_measure_sd(Measure m, double variance) {
+  const double unexplained = kUnexplained[static_cast<std::size_t>(m)];
+  return std::sqrt(kScale * kScale * variance + unexplained * unexplained);
+}
+
+double propagated_variance_of(Measure m, double sd) {
+  const double unexplained = kUnexplained[static_cast<std::size_t>(m)];
+  return std::max(0.0, sd * sd - unexplained * unexplained) / (kScale * kScale);
+}
+
+std::vector<Measurement> measure_with_sd(const BodyModel& model, const ShapeVector& beta, const ShapeMatrix& covariance) {
+  const Measurer measurer(model.data());
+  const int all = model.shape_count(), known = covariance.rows() == beta.size() ? static_cast<int>(beta.size()) : 0;
+  ShapeVector whole = ShapeVector::Zero(all);
+  whole.head(std::min<Eigen::Index>(all, beta.size())) = beta.head(std::min<Eigen::Index>(all, beta.size()));
+  Vertices rest, moved;
+  model.shaped(whole, rest);
+  const MeasureValues values = measurer.measure(rest, model.rest_joints(whole));
+  // One-sided differences over a quarter of a standard deviation: girths are hulls, with kinks smaller than that.
+  constexpr double kStep = 0.25;
+  Eigen::Matrix<double, kMeasures, Eigen::Dynamic, 0, kMeasures, kMaxShape> slope(kMeasures, all);
+  for (int k = 0; k < all; ++k) {
+    ShapeVector other = whole;
+    other[k] += kStep;
+    moved = rest;
+    moved.reshaped() += static_cast<float>(kStep) * model.data().directions.col(k);
+    const MeasureValues there = measurer.measure(moved, model.rest_joints(other));
+    for (int m = 0; m < kMeasures; ++m) slope(m, k) = (there[static_cast<std::size_t>(m)] - values[static_cast<std::size_t>(m)]) / kStep;
+  }
+  std::vector<Measurement> list = named(values);
+  for (int m = 0; m < kMeasures; ++m) {
+    const auto own = slope.row(m).head(known);
+    const double carried = known > 0 ? (own * covariance * own.transpose()).value() : 0.0;
+    list[static_cast<std::size_t>(m)].sd = calibrated_measure_sd(static_cast<Measure>(m), carried + slope.row(m).tail(all - known).squaredNorm());
+  }
   return list;
 }
 

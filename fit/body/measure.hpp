@@ -37,6 +37,7 @@ struct Measurement {
   std::string_view name;
   double value = 0;
   std::string_view unit;
+  double sd = 0;  ///< standard deviation of the value about the person's own, by measure_with_sd(); 0 where nothing is claimed
 };
 std::string_view measure_name(Measure m);
 std::string_view measure_unit(Measure m);
@@ -64,8 +65,18 @@ class Measurer {
   Edges left_leg_;  // left half without the arm
 };
 
+/// Covariance of shape coefficients; as many rows as beta has entries.
+using ShapeMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxShape, kMaxShape>;
+
 /// All measures of the resting body with shape `beta`; off the frame path (it allocates).
 std::vector<Measurement> measure(const BodyModel& model, const ShapeVector& beta);
+/// The same with standard deviations: the covariance of beta carried through the derivatives of each measure, the model's coefficients behind beta at their
+/// population's spread, and what no coefficient explains. The interval value +- 1.645 sd is meant to hold the truth in 90 of 100 people; how that was
+/// set and tested: docs/design/detail.md. An empty covariance: only the population's and the model's parts.
+std::vector<Measurement> measure_with_sd(const BodyModel& model, const ShapeVector& beta, const ShapeMatrix& covariance);
+/// What measure_with_sd() makes of a variance carried through the derivatives, and its inverse, for calibration.
+double calibrated_measure_sd(Measure m, double propagated_variance);
+double propagated_variance_of(Measure m, double calibrated_sd);
 std::vector<Measurement> named(const MeasureValues& values);
 
 }  // namespace booth::fit

@@ -55,6 +55,8 @@ class BoothFitter {
 
   /// Refiner that made the last solution: its poser stands at it.
   const Refiner& refiner() const { return fine_; }
+  /// What all frames so far say of the shape, the population's spread included.
+  const UnknownMatrix& shape_information() const { return belief_.information; }
   const ShapeBelief& shape_belief() const { return belief_; }
   /// The shape has been learnt from enough frames.
   bool shape_settled() const { return shape_frames_ >= kSettledFrames; }

@@ -8,6 +8,7 @@
 
 #include "fit/body/surface_distance.hpp"
 #include "fit/cloud/projection.hpp"
+#include "fit/track/joint_uncertainty.hpp"
 
 namespace booth::fit {
 namespace {
@@ -101,14 +102,20 @@ void Diagnostics::describe(const Observation& observation, bool exact, FitResult
   result.model_to_cloud = statistics(distance_, visible);
 }
 
-void Diagnostics::covariance(const UnknownMatrix& information, FitResult& result) const {
-  UnknownMatrix damped = information;
-  damped.diagonal().array() += 1e-6;
-  const UnknownMatrix inverse = damped.ldlt().solve(UnknownMatrix::Identity(damped.rows(), damped.cols()));
+void Diagnostics::covariance(const UnknownMatrix& information, const UnknownMatrix& shape_information, FitResult& result) const {
+  const auto inverse_of = [](UnknownMatrix m) {
+    m.diagonal().array() += 1e-6;
+    return UnknownMatrix(m.ldlt().solve(UnknownMatrix::Identity(m.rows(), m.cols())));
+  };
+  const UnknownMatrix inverse = inverse_of(information);
+  const Eigen::Index shape = information.rows() - kDofs;
+  const UnknownMatrix known = shape > 0 ? UnknownMatrix(inverse.bottomRightCorner(shape, shape)) : inverse_of(shape_information);
+  result.shape_covariance = 0.5 * (known + known.transpose());
   for (int j = 0; j < kJoints; ++j) {
     const Eigen::Matrix<double, 3, kDofs> jacobian = poser_.joint_pose_jacobian(j);
     const Eigen::Matrix3d c = jacobian * inverse.topLeftCorner<kDofs, kDofs>() * jacobian.transpose();
-    result.joint_covariance[static_cast<std::size_t>(j)] = 0.5 * (c + c.transpose());
+    result.joint_covariance[static_cast<std::size_t>(j)] =
+        calibrated_joint_covariance(0.5 * (c + c.transpose()), j, result.visibility[static_cast<std::size_t>(j)]);
   }
 }
 

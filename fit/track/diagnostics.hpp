@@ -17,8 +17,9 @@ class Diagnostics {
   /// surface instead of to tangent planes; slower.
   void describe(const Observation& observation, bool exact, FitResult& result);
 
-  /// Joint covariances from the information matrix of a refinement whose unknowns are q and perhaps the shape.
-  void covariance(const UnknownMatrix& information, FitResult& result) const;
+  /// Covariances of the joints and of the shape from the information matrix of a refinement whose unknowns are q and perhaps the shape; where the shape
+  /// was held, `shape_information` is what is known of it. After describe(), which says which joints were seen.
+  void covariance(const UnknownMatrix& information, const UnknownMatrix& shape_information, FitResult& result) const;
 
   const Vertices& vertices() const { return vertices_; }
 
