@@ -48,12 +48,12 @@ std::string refusal(const fit::FitResult& result) {
   return {};
 }
 
-std::vector<std::string> warnings(const fit::FitResult& result, std::size_t viewpoints) {
-  constexpr double kDoubtfulMean = 0.015, kDoubtfulTail = 0.05;
+std::vector<std::string> warnings(const fit::FitResult& result, std::size_t viewpoints, bool clothed) {
+  const double doubtful_mean = clothed ? 0.03 : 0.015, doubtful_tail = clothed ? 0.09 : 0.05;
   std::vector<std::string> out;
   if (coverage_is_partial(result, viewpoints))
     out.push_back(fmt::format("coverage: partial. The points show {:.0f} % of the body; the rest is inferred and less certain", 100 * result.coverage));
-  if (result.cloud_to_model.mean > kDoubtfulMean || result.cloud_to_model.p95 > kDoubtfulTail)
+  if (result.cloud_to_model.mean > doubtful_mean || result.cloud_to_model.p95 > doubtful_tail)
     out.push_back(fmt::format("the body explains the points poorly ({:.0f} mm mean, {:.0f} mm p95): a limb may be wrong, or something else is in the cloud",
                               1000 * result.cloud_to_model.mean, 1000 * result.cloud_to_model.p95));
   return out;
@@ -110,7 +110,7 @@ std::string fit_json(const fit::FitResult& result, const fit::BodyModel& model, 
   }
   out["coverage"] = coverage_is_partial(result, context.viewpoints) ? "partial" : "full";
   out["coverage_fraction"] = result.coverage;
-  out["warnings"] = warnings(result, context.viewpoints);
+  out["warnings"] = warnings(result, context.viewpoints, context.clothed);
   out["input"] = {
       {"files", context.files}, {"points", context.points}, {"dropped", context.dropped}, {"floor", context.floor_points}, {"viewpoints", context.viewpoints}, {"notes", context.notes}};
   return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";

@@ -39,8 +39,8 @@ bool coverage_is_partial(const fit::FitResult& result, std::size_t viewpoints);
 /// A body was found, but it does not explain the points: they are no person's, or not one person's. One sentence, empty when all is well.
 std::string refusal(const fit::FitResult& result);
 
-/// One sentence for each reason to look twice at the result.
-std::vector<std::string> warnings(const fit::FitResult& result, std::size_t viewpoints);
+/// One sentence for each reason to look twice at the result. `clothed`: points far outside the body are expected.
+std::vector<std::string> warnings(const fit::FitResult& result, std::size_t viewpoints, bool clothed);
 
 /// JSON text, ending in a newline. Lengths in metres, angles in radians.
 std::string fit_json(const fit::FitResult& result, const fit::BodyModel& model, const FitContext& context);

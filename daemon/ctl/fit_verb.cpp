@@ -157,7 +157,7 @@ void run(const Options& options) {
   write_results(options, up, *estimator, result, detail ? &*detail : nullptr, json);
 
   for (const std::string& note : input.notes) std::cerr << "note: " << note << "\n";
-  for (const std::string& warning : warnings(result, viewpoints.size())) std::cerr << "warning: " << warning << "\n";
+  for (const std::string& warning : warnings(result, viewpoints.size(), options.clothed)) std::cerr << "warning: " << warning << "\n";
   if (options.json)
     std::cout << json;
   else

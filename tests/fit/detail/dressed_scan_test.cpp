@@ -1,0 +1,82 @@
+// The short form of booth-scan-study: people whom the model does not hold, in clothes and with holes.
+#include <gtest/gtest.h>
+
+#include "daemon/io/model_file.hpp"
+#include "fit/body/surface_distance.hpp"
+#include "fit/cloud/cloud_builder.hpp"
+#include "fit/detail/detail_layer.hpp"
+#include "fit/estimator.hpp"
+#include "tests/support/dressed_person.hpp"
+
+namespace booth::tests {
+namespace {
+
+constexpr int kPoints = 30000;
+
+std::unique_ptr<fit::Estimator> estimator(bool clothed) {
+  const auto folder = daemon::find_models();
+  return std::make_unique<fit::Estimator>(std::make_shared<const fit::BodyModel>(daemon::load_body_model(folder / "men.npz")),
+                                          std::make_shared<const fit::BodyModel>(daemon::load_body_model(folder / "women.npz")),
+                                          std::make_shared<const fit::PosePrior>(daemon::load_pose_prior(folder / "pose.npz")),
+                                          fit::EstimatorSettings{.clothed = clothed});
+}
+
+fit::Observation observed(const DressedPerson& person, const ScanRequest& request) {
+  fit::Observation out(60000);
+  fit::CloudReport report;
+  EXPECT_TRUE(fit::build_unorganised(scan_of(person, request), Eigen::Matrix3Xf(3, 0), {}, {}, out, report));
+  return out;
+}
+
+double waist(const fit::BodyModel& model, const fit::ShapeVector& beta) {
+  for (const auto& m : fit::measure(model, beta))
+    if (m.name == "waist_girth") return m.value;
+  return 0;
+}
+
+TEST(DressedScan, NormalsPointOutwardsInSpiteOfHoles) {
+  const DressedPerson person = dress({.body = 23, .pose = "sit", .seed = 23});
+  const fit::Observation scan = observed(person, {.points = kPoints, .holes = 10, .seed = 23});
+  fit::SurfaceDistance outer(person.outer_faces, static_cast<int>(person.outer.cols()));
+  fit::Vertices normals;
+  fit::vertex_normals(person.outer, person.outer_faces, normals);
+  outer.set(person.outer, normals);
+  int inwards = 0;
+  for (int i = 0; i < scan.cloud.size; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    const auto foot = outer.closest({scan.cloud.x[k], scan.cloud.y[k], scan.cloud.z[k]}, 0.1f, Eigen::Vector3f::Zero(), 0);
+    ASSERT_GE(foot.face, 0);
+    const Eigen::Vector3f n(scan.cloud.nx[k], scan.cloud.ny[k], scan.cloud.nz[k]);
+    inwards += n.dot(normals.col(person.outer_faces(0, foot.face))) < 0;
+  }
+  EXPECT_LT(inwards, 0.06 * scan.cloud.size);
+}
+
+TEST(DressedScan, ABareBodyAndItsDetail) {
+  const DressedPerson person = dress({.body = 50, .pose = "arms-up", .heading = 120, .seed = 50});
+  const fit::Observation scan = observed(person, {.points = kPoints, .seed = 50});
+  const auto fitter = estimator(false);
+  const fit::FitResult& result = fitter->fit(scan);
+  EXPECT_EQ(result.sex, fit::Sex::women);
+  EXPECT_LT(result.cloud_to_model.mean, 0.008);
+  fit::DetailLayer layer(fitter->model());
+  layer.fit(scan, result.beta, result.q);
+  EXPECT_LT(layer.distances(scan.cloud, result.beta, result.q).mean, 0.003);
+}
+
+TEST(DressedScan, TheBodyUnderLooseClothesIsNotInflated) {
+  const DressedPerson person = dress({.body = 16, .pose = "a", .heading = 40, .outfit = Outfit::loose, .seed = 16});
+  const fit::Observation scan = observed(person, {.points = kPoints, .seed = 16});
+  const double truth = person.measures[static_cast<std::size_t>(fit::Measure::waist_girth)];
+  const auto naked = estimator(false), clothed = estimator(true);
+  const fit::FitResult& plain = naked->fit(scan);
+  EXPECT_GT(waist(naked->model(), plain.beta), truth + 0.06) << "without the option the clothes are taken for the body";
+  const fit::FitResult& under = clothed->fit(scan);
+  EXPECT_NEAR(waist(clothed->model(), under.beta), truth, 0.03);
+  fit::DetailLayer layer(clothed->model());
+  layer.fit(scan, under.beta, under.q);
+  EXPECT_LT(layer.distances(scan.cloud, under.beta, under.q).mean, 0.004) << "the clothes are the detail";
+}
+
+}  // namespace
+}  // namespace booth::tests
