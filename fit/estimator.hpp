@@ -38,7 +38,7 @@ struct EstimatorSettings {
   SexChoice sex = SexChoice::automatic;
   BackendChoice backend = BackendChoice::cpu;
   bool clothed = false;  ///< preset booth: what is seen is clothes, and the body is under them
-  int threads = 2;  ///< workers, the caller included; the result does not depend on it
+  int threads = 2;       ///< workers, the caller included; the result does not depend on it
   std::uint64_t seed = 1;
   int cloud_capacity = 120000;
   int max_views = 8;

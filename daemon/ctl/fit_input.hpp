@@ -15,9 +15,9 @@ namespace booth::daemon {
 /// CMU frame, metres.
 struct FitInput {
   Eigen::Matrix3Xf points;
-  Eigen::Matrix3Xf normals;        ///< pointing outwards; empty when the files have none that can be relied on
-  std::int64_t dropped = 0;        ///< points that were no numbers
-  std::int64_t floor_points = 0;   ///< points of the floor and of what lies on it apart from the person, taken out
+  Eigen::Matrix3Xf normals;       ///< pointing outwards; empty when the files have none that can be relied on
+  std::int64_t dropped = 0;       ///< points that were no numbers
+  std::int64_t floor_points = 0;  ///< points of the floor and of what lies on it apart from the person, taken out
   bool floor_known = false;
   float floor_height = 0;          ///< m (y), where a floor was taken out
   std::vector<std::string> notes;  ///< what a person should know: sampled, dropped, turned round, converted

@@ -111,8 +111,8 @@ std::string fit_json(const fit::FitResult& result, const fit::BodyModel& model, 
   out["coverage"] = coverage_is_partial(result, context.viewpoints) ? "partial" : "full";
   out["coverage_fraction"] = result.coverage;
   out["warnings"] = warnings(result, context.viewpoints, context.clothed);
-  out["input"] = {
-      {"files", context.files}, {"points", context.points}, {"dropped", context.dropped}, {"floor", context.floor_points}, {"viewpoints", context.viewpoints}, {"notes", context.notes}};
+  out["input"] = {{"files", context.files},        {"points", context.points},         {"dropped", context.dropped},
+                  {"floor", context.floor_points}, {"viewpoints", context.viewpoints}, {"notes", context.notes}};
   return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

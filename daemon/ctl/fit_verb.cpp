@@ -109,7 +109,8 @@ std::string other_axes(const Options& options, UpAxis tried) {
 }
 
 void run(const Options& options) {
-  if (options.clothed && options.preset == "paper") throw std::runtime_error("--clothed needs preset booth; the published energy pulls the body to the clothes");
+  if (options.clothed && options.preset == "paper")
+    throw std::runtime_error("--clothed needs preset booth; the published energy pulls the body to the clothes");
   const UpAxis up = options.up == "y" ? UpAxis::y : UpAxis::z;
   progress("reading");
   const FitInput input = read_fit_input(options.clouds, {.units = *units_from_name(options.units), .up = up});

@@ -1,4 +1,4 @@
-// Doctor's look at buttons and light: is the chip there, are the lines there, free, and in the right direction?
+// Doctor's look at buttons and light: whether the chip and its lines are there, free, and in the right direction.
 #include <fmt/format.h>
 
 #include <algorithm>

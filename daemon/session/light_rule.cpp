@@ -1,4 +1,4 @@
-// The worst thing first, the visitor's question second: may I, wait, now, where are you?
+// What the light shows: the worst thing first, then what the visitor asks (may I, wait, now, where are you).
 #include "daemon/session/light_rule.hpp"
 
 namespace booth::daemon {

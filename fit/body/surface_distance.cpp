@@ -53,7 +53,8 @@ SurfaceDistance::SurfaceDistance(const Faces& faces, int vertex_count) : faces_(
   for (const auto& faces_here : own) {
     ring.clear();
     for (const int f : faces_here)
-      for (int i = 0; i < 3; ++i) ring.insert(ring.end(), own[static_cast<std::size_t>(faces_(i, f))].begin(), own[static_cast<std::size_t>(faces_(i, f))].end());
+      for (int i = 0; i < 3; ++i)
+        ring.insert(ring.end(), own[static_cast<std::size_t>(faces_(i, f))].begin(), own[static_cast<std::size_t>(faces_(i, f))].end());
     std::sort(ring.begin(), ring.end());
     face_of_vertex_.insert(face_of_vertex_.end(), ring.begin(), std::unique(ring.begin(), ring.end()));
     first_face_.push_back(static_cast<int>(face_of_vertex_.size()));

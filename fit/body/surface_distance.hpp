@@ -10,9 +10,9 @@ namespace booth::fit {
 
 /// The point of a mesh that is nearest to another point.
 struct SurfaceFoot {
-  int face = -1;                                         ///< none: nothing in reach
-  Eigen::Vector3f weights = Eigen::Vector3f::Zero();     ///< barycentric, of the face's three vertices
-  float distance = 0;                                    ///< m
+  int face = -1;                                      ///< none: nothing in reach
+  Eigen::Vector3f weights = Eigen::Vector3f::Zero();  ///< barycentric, of the face's three vertices
+  float distance = 0;                                 ///< m
 };
 
 /// Distances to a mesh of fixed topology whose vertices move. Off the hot path; set() allocates only on growth. distance() is thread-safe.

@@ -26,8 +26,8 @@ class ExteriorView {
   Eigen::Vector3f low_ = Eigen::Vector3f::Zero();
   int n_[3] = {1, 1, 1};
   std::vector<Eigen::Vector3f> direction_;
-  std::vector<std::int32_t> entry_;   ///< per cell: its place in `open_`, -1 where the cell is empty
-  std::vector<std::uint64_t> open_;   ///< per occupied cell: bit k is set where direction k leads out
+  std::vector<std::int32_t> entry_;  ///< per cell: its place in `open_`, -1 where the cell is empty
+  std::vector<std::uint64_t> open_;  ///< per occupied cell: bit k is set where direction k leads out
 };
 
 }  // namespace booth::fit

@@ -11,13 +11,13 @@
 namespace booth::fit {
 namespace {
 
-constexpr float kSearch = 0.40f;          // m above the lowest points in which a floor may lie: it may be tilted, and things may lie under it
-constexpr float kBin = 0.02f;             // m, of the histogram of heights
-constexpr double kFewest = 100;           // points
-constexpr float kSteepest = 0.18f;        // slope; 10 degrees
-constexpr double kMostBelow = 0.02;       // share of the points that may lie below
-constexpr float kCell = 0.05f;            // m, of the map
-constexpr float kFreeArea = 0.2f;         // m^2 without anything above
+constexpr float kSearch = 0.40f;                         // m above the lowest points in which a floor may lie: it may be tilted, and things may lie under it
+constexpr float kBin = 0.02f;                            // m, of the histogram of heights
+constexpr double kFewest = 100;                          // points
+constexpr float kSteepest = 0.18f;                       // slope; 10 degrees
+constexpr double kMostBelow = 0.02;                      // share of the points that may lie below
+constexpr float kCell = 0.05f;                           // m, of the map
+constexpr float kFreeArea = 0.2f;                        // m^2 without anything above
 constexpr float kThinnest = 0.015f, kThickest = 0.035f;  // m above the plane that count as floor
 constexpr std::array<float, 4> kBands{0.05f, 0.03f, 0.02f, 0.02f};
 
@@ -35,7 +35,8 @@ ScanFloor find_scan_floor(const Eigen::Matrix3Xf& points) {
   const float low = *lowest - kBin;
   std::array<int, static_cast<std::size_t>(kSearch / kBin)> histogram{};
   for (const float h : heights)
-    if (const auto bin = static_cast<int>(std::floor((h - low) / kBin)); bin >= 0 && bin < static_cast<int>(histogram.size())) ++histogram[static_cast<std::size_t>(bin)];
+    if (const auto bin = static_cast<int>(std::floor((h - low) / kBin)); bin >= 0 && bin < static_cast<int>(histogram.size()))
+      ++histogram[static_cast<std::size_t>(bin)];
   const auto fullest = std::max_element(histogram.begin(), histogram.end()) - histogram.begin();
 
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();

@@ -66,10 +66,10 @@ class DetailLayer {
   SurfaceSystem system_;
   SurfaceDistance surface_;
   Eigen::VectorXd offsets_;
-  Vertices rest_, rest_normals_;       ///< of the body without detail
-  Vertices base_, way_;                ///< posed without detail; where one metre of offset moves a vertex
-  Vertices posed_, normals_;           ///< with detail
-  Vertices before_, velocity_;         ///< base_ of the moment before, m/s
+  Vertices rest_, rest_normals_;  ///< of the body without detail
+  Vertices base_, way_;           ///< posed without detail; where one metre of offset moves a vertex
+  Vertices posed_, normals_;      ///< with detail
+  Vertices before_, velocity_;    ///< base_ of the moment before, m/s
   double time_ = 0;
   int moments_ = 0;
   bool moving_ = false;

@@ -39,11 +39,11 @@ class SurfaceSystem {
   void multiply(const Regularisation& regularisation, const Eigen::VectorXd& in, Eigen::VectorXd& out) const;
 
   const Faces faces_;
-  std::vector<int> first_, neighbour_;                ///< compressed rows: the vertices around each vertex
-  std::vector<std::array<int, 6>> place_;             ///< per face: where its six ordered pairs (01 02 10 12 20 21) stand in `coupling_`
-  std::vector<double> coupling_;                      ///< as neighbour_
-  Eigen::VectorXd diagonal_, right_;                  ///< J^T W J's diagonal, J^T W value
-  Eigen::VectorXd residual_, step_, product_, fresh_; ///< of the solver
+  std::vector<int> first_, neighbour_;                 ///< compressed rows: the vertices around each vertex
+  std::vector<std::array<int, 6>> place_;              ///< per face: where its six ordered pairs (01 02 10 12 20 21) stand in `coupling_`
+  std::vector<double> coupling_;                       ///< as neighbour_
+  Eigen::VectorXd diagonal_, right_;                   ///< J^T W J's diagonal, J^T W value
+  Eigen::VectorXd residual_, step_, product_, fresh_;  ///< of the solver
 };
 
 }  // namespace booth::fit

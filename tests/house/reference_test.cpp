@@ -97,6 +97,7 @@ TEST(Reference, EveryPackageThatTheBuildLooksForIsInTheList) {
                                                                 {"SQLite3", "libsqlite3-dev"},
                                                                 {"SQLITE", "libsqlite3-dev"},
                                                                 {"LIBUSB", "libusb-1.0-0-dev"},
+                                                                {"LIBGPIOD", "libgpiod-dev"},
                                                                 {"ZSTD", "libzstd-dev"},
                                                                 {"zstd", "libzstd-dev"},
                                                                 {"benchmark", "libbenchmark-dev"},

@@ -197,7 +197,8 @@ Eigen::Matrix3Xf scan_of(const DressedPerson& person, const ScanRequest& request
     const auto at = static_cast<Eigen::Index>(dice.uniform() * static_cast<double>(v.cols()));
     holes.emplace_back(v.col(at), static_cast<float>(dice.between(0.04, 0.09)));
   }
-  const Eigen::Vector3f elbow = person.joints.col(fit::joint_index("relbow")).cast<float>(), hand = person.joints.col(fit::joint_index("rhand_end")).cast<float>();
+  const Eigen::Vector3f elbow = person.joints.col(fit::joint_index("relbow")).cast<float>(),
+                        hand = person.joints.col(fit::joint_index("rhand_end")).cast<float>();
   std::vector<Eigen::Vector3f> points;
   const auto noise = [&](const Eigen::Vector3f& p) {
     return Eigen::Vector3f(p + request.noise * Eigen::Vector3d(dice.normal(), dice.normal(), dice.normal()).cast<float>());

@@ -22,10 +22,10 @@ enum class Outfit : std::uint8_t {
 constexpr std::string_view to_string(Outfit o) { return o == Outfit::bare ? "bare" : o == Outfit::tight ? "tight" : "loose"; }
 
 struct PersonRequest {
-  int body = 7;                  ///< of the set-aside bodies, 1 to 90
-  std::filesystem::path bodies{}; ///< another file of test bodies; empty: the one beside the models
-  std::string_view pose = "a";   ///< a, arms-up, stride, sit
-  double heading = 0;            ///< degrees
+  int body = 7;                    ///< of the set-aside bodies, 1 to 90
+  std::filesystem::path bodies{};  ///< another file of test bodies; empty: the one beside the models
+  std::string_view pose = "a";     ///< a, arms-up, stride, sit
+  double heading = 0;              ///< degrees
   Outfit outfit = Outfit::bare;
   bool hair = true, shoes = true;
   std::uint64_t seed = 1;
@@ -37,9 +37,9 @@ struct DressedPerson {
   fit::Vertices rest;                           ///< the bare body in the A-pose
   fit::MeasureValues measures{};                ///< the tape's truth, of the bare body
   fit::PoseVector q;
-  fit::Vertices skin;    ///< posed, bare, on the template's topology
-  fit::Points3 joints;   ///< posed, the true ones
-  fit::Vertices outer;   ///< posed, what can be seen: a four times finer mesh with everything worn
+  fit::Vertices skin;   ///< posed, bare, on the template's topology
+  fit::Points3 joints;  ///< posed, the true ones
+  fit::Vertices outer;  ///< posed, what can be seen: a four times finer mesh with everything worn
   fit::Faces outer_faces;
 };
 /// Throws as load_test_body() does, and std::invalid_argument for an unknown pose.

@@ -36,7 +36,8 @@ double now_ms() { return std::chrono::duration<double, std::milli>(std::chrono::
 
 void draw(const std::filesystem::path& file, const DressedPerson& person, const fit::Cloud& cloud, const fit::Vertices& body, const fit::Vertices& detailed) {
   Eigen::Matrix3Xf points(3, cloud.size);
-  for (int i = 0; i < cloud.size; ++i) points.col(i) << cloud.x[static_cast<std::size_t>(i)], cloud.y[static_cast<std::size_t>(i)], cloud.z[static_cast<std::size_t>(i)];
+  for (int i = 0; i < cloud.size; ++i)
+    points.col(i) << cloud.x[static_cast<std::size_t>(i)], cloud.y[static_cast<std::size_t>(i)], cloud.z[static_cast<std::size_t>(i)];
   std::vector<daemon::Picture> row;
   const daemon::SceneStyle style{.from = {0.6f, 0.2f, 1}, .metres_high = 2.1f};
   const auto& faces = person.model->data().faces;
@@ -163,15 +164,16 @@ int run(const Options& options) {
       for (const std::string& pose : options.poses) {
         const Outfit o = outfit == "bare" ? Outfit::bare : outfit == "tight" ? Outfit::tight : Outfit::loose;
         const Row r = measure(options, body, pose, o);
-        fmt::print("{:>5} {:<8} {:<6} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.1f} {:7.1f} {:7.0f} {:7.0f}\n", body, pose, outfit, 1e3 * r.plain, 1e3 * r.detail,
-                   1e3 * r.detail_p95, 1e3 * r.under, 1e3 * r.signed_under, 1e3 * r.waist, 1e3 * r.joints, r.fit_ms, r.detail_ms);
+        fmt::print("{:>5} {:<8} {:<6} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.1f} {:7.1f} {:7.0f} {:7.0f}\n", body, pose, outfit, 1e3 * r.plain,
+                   1e3 * r.detail, 1e3 * r.detail_p95, 1e3 * r.under, 1e3 * r.signed_under, 1e3 * r.waist, 1e3 * r.joints, r.fit_ms, r.detail_ms);
         std::fflush(stdout);
         mean.plain += r.plain, mean.detail += r.detail, mean.detail_p95 += r.detail_p95, mean.under += r.under, mean.signed_under += r.signed_under;
         mean.waist += std::abs(r.waist), mean.joints += r.joints;
         ++n;
       }
-    fmt::print("mean           {:<6} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.1f} {:7.1f}   (waist: mean of absolute values)\n", outfit, 1e3 * mean.plain / n,
-               1e3 * mean.detail / n, 1e3 * mean.detail_p95 / n, 1e3 * mean.under / n, 1e3 * mean.signed_under / n, 1e3 * mean.waist / n, 1e3 * mean.joints / n);
+    fmt::print("mean           {:<6} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.1f} {:7.1f}   (waist: mean of absolute values)\n", outfit,
+               1e3 * mean.plain / n, 1e3 * mean.detail / n, 1e3 * mean.detail_p95 / n, 1e3 * mean.under / n, 1e3 * mean.signed_under / n, 1e3 * mean.waist / n,
+               1e3 * mean.joints / n);
   }
   return 0;
 }

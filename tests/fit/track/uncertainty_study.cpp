@@ -123,15 +123,16 @@ Coverage coverage(const std::vector<const JointSample*>& samples, Covariance cov
 void report_joints(const Samples& all, bool constants) {
   std::map<std::pair<bool, int>, std::vector<const JointSample*>> groups;
   for (const JointSample& s : all.joints) groups[{s.seen, s.joint}].push_back(&s);
-  fmt::print("\n{:<14} {:<9} {:>7} {:>8} {:>8} {:>7} {:>7}{}\n", "joint", "state", "samples", "error mm", "sd mm", "in 68%", "in 95%", constants ? "   scale   own mm" : "");
+  fmt::print("\n{:<14} {:<9} {:>7} {:>8} {:>8} {:>7} {:>7}{}\n", "joint", "state", "samples", "error mm", "sd mm", "in 68%", "in 95%",
+             constants ? "   scale   own mm" : "");
   std::map<bool, std::vector<const JointSample*>> whole;
   for (const auto& [key, samples] : groups) {
     double error = 0, sd = 0;
     for (const JointSample* s : samples) error += s->error.norm(), sd += std::sqrt(s->covariance.trace());
     const auto n = static_cast<double>(samples.size());
     const Coverage c = coverage(samples, [](const JointSample& s) { return s.covariance; });
-    fmt::print("{:<14} {:<9} {:>7} {:>8.1f} {:>8.1f} {:>7.1f} {:>7.1f}", fit::bones()[static_cast<std::size_t>(key.second)].end_joint, key.first ? "seen" : "inferred",
-               samples.size(), 1e3 * error / n, 1e3 * sd / n, c.in68, c.in95);
+    fmt::print("{:<14} {:<9} {:>7} {:>8.1f} {:>8.1f} {:>7.1f} {:>7.1f}", fit::bones()[static_cast<std::size_t>(key.second)].end_joint,
+               key.first ? "seen" : "inferred", samples.size(), 1e3 * error / n, 1e3 * sd / n, c.in68, c.in95);
     if (constants && samples.size() > 20) {
       // The likeliest pair of constants, then both scaled so that 68 % lie inside.
       double best = 1e300, best_scale = 0, best_own = 0;
@@ -156,7 +157,8 @@ void report_joints(const Samples& all, bool constants) {
   }
   for (const auto& [seen, samples] : whole) {
     const Coverage c = coverage(samples, [](const JointSample& s) { return s.covariance; });
-    fmt::print("all {:<9} {:>9}: {:.1f} % within the 68 % ellipsoid, {:.1f} % within the 95 % one\n", seen ? "seen" : "inferred", samples.size(), c.in68, c.in95);
+    fmt::print("all {:<9} {:>9}: {:.1f} % within the 68 % ellipsoid, {:.1f} % within the 95 % one\n", seen ? "seen" : "inferred", samples.size(), c.in68,
+               c.in95);
   }
 }
 
@@ -167,11 +169,15 @@ void report_measures(const Samples& all, bool constants) {
     std::vector<const MeasureSample*> samples;
     for (const MeasureSample& s : all.measures)
       if (s.measure == m) samples.push_back(&s);
-    for (const MeasureSample* s : samples) mean += s->error, absolute += std::abs(s->error), sd += s->sd, carried += std::sqrt(s->carried), inside += std::abs(s->error) < 1.645 * s->sd, ++n;
+    for (const MeasureSample* s : samples)
+      mean += s->error, absolute += std::abs(s->error), sd += s->sd, carried += std::sqrt(s->carried), inside += std::abs(s->error) < 1.645 * s->sd, ++n;
     const auto unit = fit::measure_unit(static_cast<fit::Measure>(m));
     const double to = unit == "m" ? 100 : unit == "m^3" ? 1000 : 1;
-    fmt::print("{:<18} {:>7} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.2f} {:>10.1f} {}", fit::measure_name(static_cast<fit::Measure>(m)), n, to * mean / n, to * absolute / n,
-               to * sd / n, to * carried / n, 100 * inside / n, unit == "m" ? "cm" : unit == "m^3" ? "l" : "kg");
+    fmt::print("{:<18} {:>7} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.2f} {:>10.1f} {}", fit::measure_name(static_cast<fit::Measure>(m)), n, to * mean / n,
+               to * absolute / n, to * sd / n, to * carried / n, 100 * inside / n,
+               unit == "m"     ? "cm"
+               : unit == "m^3" ? "l"
+                               : "kg");
     if (constants) {
       // The smallest constant with which 92 of 100 lie inside.
       double own = 0;
@@ -192,7 +198,8 @@ void report_measures(const Samples& all, bool constants) {
 int main(int argc, char** argv) {
   using namespace booth::tests;
   Options options;
-  CLI::App app{"Joint covariances and measurement deviations against the truth, on simulated Kinect v2 cameras. $BOOTHD_MODELS may name another folder of test bodies."};
+  CLI::App app{
+      "Joint covariances and measurement deviations against the truth, on simulated Kinect v2 cameras. $BOOTHD_MODELS may name another folder of test bodies."};
   app.add_option("--bodies", options.bodies, "Numbers in test_bodies.npz")->capture_default_str();
   app.add_option("--motions", options.motions, "Names of motions, or FILE.npy@SECOND")->capture_default_str();
   app.add_option("--seconds", options.seconds, "Of each run")->capture_default_str();
