@@ -53,6 +53,10 @@ std::vector<std::string> warnings(const fit::FitResult& result, std::size_t view
   std::vector<std::string> out;
   if (coverage_is_partial(result, viewpoints))
     out.push_back(fmt::format("coverage: partial. The points show {:.0f} % of the body; the rest is inferred and less certain", 100 * result.coverage));
+  constexpr double kLies = 0.5;  // cosine between the trunk and the vertical
+  const Eigen::Vector3d trunk = result.joints.col(fit::joint_index("head_base")) - result.joints.col(fit::joint_index("root"));
+  if (trunk.y() < kLies * trunk.norm())
+    out.push_back("the body lies, or its head is down: if the person stood, another axis of the file points up (--up y or --up z)");
   if (result.cloud_to_model.mean > doubtful_mean || result.cloud_to_model.p95 > doubtful_tail)
     out.push_back(fmt::format("the body explains the points poorly ({:.0f} mm mean, {:.0f} mm p95): a limb may be wrong, or something else is in the cloud",
                               1000 * result.cloud_to_model.mean, 1000 * result.cloud_to_model.p95));

@@ -90,24 +90,6 @@ void write_results(const Options& options, UpAxis up, const fit::Estimator& esti
   write_file_atomically(options.out / "fit.json", json);
 }
 
-/// Where the axes are wrong, the body that was tried explains little; says which way up a person does fit, empty when none does.
-std::string other_axes(const Options& options, UpAxis tried) {
-  const UpAxis other = tried == UpAxis::z ? UpAxis::y : UpAxis::z;
-  FitInput input;
-  try {
-    input = read_fit_input(options.clouds, {.units = *units_from_name(options.units), .up = other});
-  } catch (const std::exception&) {
-    return {};
-  }
-  const auto estimator = make_estimator(options, {});
-  fit::Observation observation(fit::EstimatorSettings{}.cloud_capacity);
-  fit::CloudReport report;
-  if (!fit::build_unorganised(input.points, input.normals, {}, {}, observation, report)) return {};
-  const fit::FitResult& result = estimator->fit(observation);
-  if (!refusal(result).empty()) return {};
-  return fmt::format("; with --up {} a body lies {:.0f} mm from the points", other == UpAxis::y ? "y" : "z", 1000 * result.cloud_to_model.mean);
-}
-
 void run(const Options& options) {
   if (options.clothed && options.preset == "paper")
     throw std::runtime_error("--clothed needs preset booth; the published energy pulls the body to the clothes");
@@ -132,7 +114,7 @@ void run(const Options& options) {
   observation.floor_height = input.floor_height;
   const fit::FitResult& result = estimator->fit(observation, options.initial.empty() ? nullptr : &initial);
   const auto elapsed_ms = [&] { return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count(); };
-  if (const std::string why = refusal(result); !why.empty()) throw std::runtime_error(why + other_axes(options, up));
+  if (const std::string why = refusal(result); !why.empty()) throw std::runtime_error(why);
   std::optional<Detail> detail;
   if (options.detail) {
     progress("detail");

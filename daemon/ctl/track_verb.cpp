@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <optional>
 
 #include "daemon/config/config.hpp"
 #include "daemon/ctl/verbs.hpp"
@@ -16,6 +17,7 @@
 #include "daemon/pipeline/latency_histogram.hpp"
 #include "daemon/pipeline/offline_run.hpp"
 #include "daemon/record/session_files.hpp"
+#include "fit/detail/detail_layer.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -26,7 +28,7 @@ struct Options {
   Config config;
   std::string recording, out;
   int pictures = 0, rotate = 0;
-  bool json = false;
+  bool json = false, detail = false;
 };
 
 /// Looks at frames that were fitted before, for the pictures.
@@ -36,6 +38,27 @@ class NoFit final : public FrameFitter {
   void step(const FitInput&, FrameRecord&) override {}
   const char* remark() const override { return ""; }
   std::vector<MemoryItem> memory_plan() const override { return {}; }
+};
+
+/// Averages a detail layer over the frames in which a person with a settled body was followed.
+class DetailAverage {
+ public:
+  void add(const EstimatorFitter& fitter) {
+    const fit::FitResult& result = fitter.result();
+    if (result.state != fit::FitState::tracked || !result.body_accepted) return;
+    const fit::BodyModel& model = fitter.estimator().model();
+    if (model_ != &model) layer_.emplace(model, fit::DetailSettings{.sigma = 0.006, .points = kPoints}), model_ = &model;
+    layer_->add(fitter.observation(), result.beta, result.q);
+  }
+  std::vector<double> offsets() const {
+    return layer_ ? std::vector<double>(layer_->offsets().data(), layer_->offsets().data() + layer_->offsets().size()) : std::vector<double>();
+  }
+  int moments() const { return layer_ ? layer_->moments() : 0; }
+
+ private:
+  static constexpr int kPoints = 8000;  // of a frame; the next ones bring others
+  const fit::BodyModel* model_ = nullptr;
+  std::optional<fit::DetailLayer> layer_;
 };
 
 /// A second pass over the recording: the first camera's image of evenly chosen frames with what was fitted to it.
@@ -94,9 +117,11 @@ void run(const Options& options) {
   std::vector<FrameRecord> frames;
   const auto histograms = std::make_unique<std::array<LatencyHistogram, kStages>>();
   std::string remark;
+  DetailAverage detail;
   const bool terminal = ::isatty(STDERR_FILENO);
   const OfflineCounters counters = run_offline(source.cameras, 1, *setup.fitter, [&](const FitInput&, const FrameRecord& record) {
     frames.push_back(record);
+    if (options.detail) detail.add(*setup.fitter);
     for (const Stage s : {Stage::cloud, Stage::fit})
       (*histograms)[static_cast<std::size_t>(s)].add(hal::Nanoseconds(record.stage_ns[static_cast<std::size_t>(s)]));
     if (record.person == PersonState::lost && remark != setup.fitter->remark()) remark = setup.fitter->remark();
@@ -127,6 +152,7 @@ void run(const Options& options) {
   info.reason = "sources_ended";
   info.state_at_end = frames.back().person == PersonState::lost ? "searching" : frames.back().body_accepted ? "tracking" : "estimating";
   info.live = false;
+  info.detail = detail.offsets();
   info.groups = counters.groups + counters.groups_small;
   info.frames_unmatched = counters.frames_unmatched;
   for (std::size_t s = 0; s < kStages; ++s) info.stages[s] = (*histograms)[s].summary();
@@ -136,6 +162,7 @@ void run(const Options& options) {
   if (options.json) {
     std::cout << summary.json;
   } else {
+    if (options.detail) std::cout << fmt::format("body.ply carries detail averaged over {} frames\n", detail.moments());
     print_for_people(summary, folder, info.stages[static_cast<std::size_t>(Stage::cloud)].mean_ms + info.stages[static_cast<std::size_t>(Stage::fit)].mean_ms);
   }
   if (summary.frames_lost == summary.frames) std::cerr << "warning: nobody was found in any frame" << (remark.empty() ? "" : ": " + remark) << "\n";
@@ -159,6 +186,7 @@ void add_track_verb(CLI::App& app) {
       ->capture_default_str();
   verb->add_option("--pictures", options->pictures, "Draw so many depth images with the fit over them")->check(CLI::Range(0, 1000));
   verb->add_option("--rotate", options->rotate, "Turn the pictures clockwise, for a camera that lies on its side")->check(CLI::IsMember({0, 90, 180, 270}));
+  verb->add_flag("--detail", options->detail, "body.ply with folds, hair, shoes and clothes, averaged over the frames");
   verb->add_flag("--json", options->json, "Print session.json");
   verb->callback([options] { run(*options); });
 }

@@ -23,6 +23,7 @@
 #include "daemon/io/mesh_file.hpp"
 #include "daemon/record/session_log.hpp"
 #include "daemon/record/truth_error.hpp"
+#include "fit/detail/detail_layer.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -220,7 +221,10 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
     const fit::ShapeVector beta = Eigen::Map<const Eigen::VectorXd>(last_good->beta.data(), last_good->shape_count);
     write_bvh(folder / "skeleton.bvh", model->bone_vectors(beta), even_poses(frames), 1 / kBvhRate);
     fit::Vertices posed, normals;
-    model->posed(beta, Eigen::Map<const fit::PoseVector>(last_good->q.data()), posed);
+    model->shaped(beta, posed);
+    if (static_cast<int>(info.detail.size()) == model->vertex_count())
+      fit::displace(posed, model->data().faces, Eigen::Map<const Eigen::VectorXd>(info.detail.data(), model->vertex_count()), posed);
+    model->pose_mesh(posed, model->rest_joints(beta), Eigen::Map<const fit::PoseVector>(last_good->q.data()), posed);
     fit::vertex_normals(posed, model->data().faces, normals);
     write_ply(folder / "body.ply", {.points = posed, .normals = &normals, .faces = &model->data().faces}, UpAxis::z, "booth frame, metres; session " + info.id);
   }

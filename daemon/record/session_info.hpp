@@ -33,6 +33,7 @@ struct SessionInfo {
   std::vector<SessionHappening> events;  ///< in the order of time
   std::uint64_t events_left_out = 0;     ///< that no room was kept for
   bool live = true;                      ///< false: `track`, which runs in its own time; latencies then mean nothing and are left out
+  std::vector<double> detail;            ///< offsets of the detail layer for body.ply, one per vertex of the last body's model; empty: none
   LatencySummary latency;
   std::array<LatencySummary, kStages> stages{};
 };

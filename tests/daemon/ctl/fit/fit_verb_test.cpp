@@ -109,6 +109,71 @@ TEST(FitVerb, TakesMillimetresAndYUpWhenToldSo) {
   EXPECT_LT((Eigen::Vector3d(head[0], head[1], head[2]) - truth).norm(), 0.03) << "metres, y up";
 }
 
+TEST(FitVerb, DetailLiesOnTheScanWhereTheBodyDoesNot) {
+  ScratchFolder folder;
+  Person person;
+  // A hat and a coat: what no shape holds.
+  const float shoulders = static_cast<float>(person.joints(1, fit::joint_index("chest_top"))), head = static_cast<float>(person.joints(1, fit::joint_index("head_base")));
+  fit::Vertices normals;
+  fit::vertex_normals(person.vertices, person.model.data().faces, normals);
+  for (Eigen::Index v = 0; v < person.vertices.cols(); ++v) {
+    const float y = person.vertices(1, v);
+    const float coat = y > 0.5f && y < shoulders ? 0.012f * (1 + std::sin(25 * y)) : 0.0f;
+    person.vertices.col(v) += (y > head + 0.08f ? 0.03f : coat) * normals.col(v);
+  }
+  const std::string mesh = person.mesh(folder).string();
+  boothctl({"fit", mesh, "--model", "men", "--detail", "--clothed", "--out", (folder / "out").string()});
+  const auto json = fit_of(folder / "out");
+  EXPECT_EQ(json["clothed"], true);
+  EXPECT_LT(json["cloud_to_model_detail"]["mean"].get<double>(), 0.003);
+  EXPECT_LT(json["cloud_to_model_detail"]["mean"].get<double>(), 0.5 * json["cloud_to_model"]["mean"].get<double>());
+  EXPECT_GT(json["detail"]["seen_fraction"].get<double>(), 0.8);
+  EXPECT_GT(json["detail"]["largest_offset"].get<double>(), 0.015);
+  for (const auto& [name, m] : json["measurements"].items()) EXPECT_GT(m["sd"].get<double>(), 0) << name;
+
+  // The mesh that was written is the detailed one.
+  const CloudFile body = read_cloud_file(folder / "out" / "body.ply");
+  fit::SurfaceDistance surface(person.model.data().faces, person.model.vertex_count());
+  surface.set(body.points);
+  double distance = 0;
+  for (Eigen::Index i = 0; i < person.vertices.cols(); ++i) distance += surface.distance(person.vertices.col(i));
+  EXPECT_LT(distance / static_cast<double>(person.vertices.cols()), 0.003);
+  EXPECT_EQ(ScratchFolder::get(folder / "out" / "body.glb").substr(0, 4), "glTF");
+}
+
+TEST(FitVerb, TakesOutTheFloorThatWasScannedToo) {
+  ScratchFolder folder;
+  Person person;
+  const float lowest = person.vertices.row(1).minCoeff();
+  Eigen::Matrix3Xf points, normals;
+  sample_surface(person.vertices, person.model.data().faces, 20000, points, normals);
+  constexpr Eigen::Index kFloor = 8000;
+  points.conservativeResize(3, 20000 + kFloor);
+  for (Eigen::Index i = 0; i < kFloor; ++i) {
+    const double u = std::fmod((i + 1) * 0.7548776662466927, 1.0) - 0.5, v = std::fmod((i + 1) * 0.5698402909980532, 1.0) - 0.5;
+    points.col(20000 + i) << 0.6f + 2.4f * static_cast<float>(u), lowest + 0.02f * static_cast<float>(u), 0.8f + 2.4f * static_cast<float>(v);
+  }
+  write_ply(folder / "floor.ply", {points});
+  boothctl({"fit", (folder / "floor.ply").string(), "--model", "men", "--out", (folder / "out").string()});
+  const auto json = fit_of(folder / "out");
+  EXPECT_NEAR(json["input"]["floor"].get<double>(), static_cast<double>(kFloor), 600);
+  EXPECT_LT(json["cloud_to_model"]["mean"].get<double>(), 0.006);
+  const auto head = json["joints"]["head_top"].get<std::vector<double>>();
+  const auto truth = file_from_cmu(person.joints, UpAxis::z);
+  EXPECT_LT((Eigen::Vector3d(head[0], head[1], head[2]) - truth.col(fit::joint_index("head_top"))).norm(), 0.03);
+}
+
+TEST(FitVerb, SaysThatTheBodyLiesWhenTheAxesAreWrong) {
+  ScratchFolder folder;
+  const Person person;
+  write_ply(folder / "y.ply", {person.vertices, nullptr, &person.model.data().faces}, UpAxis::y);
+  const std::string failure = message_of([&] { boothctl({"fit", (folder / "y.ply").string(), "--model", "men", "--out", (folder / "out").string()}); });
+  if (failure.empty())
+    EXPECT_THAT(fit_of(folder / "out")["warnings"].dump(), HasSubstr("--up y"));
+  else
+    EXPECT_THAT(failure, HasSubstr("--up"));
+}
+
 TEST(FitVerb, WarnsThatOneSideIsOnlyHalfOfABody) {
   ScratchFolder folder;
   const Person person;
@@ -146,8 +211,7 @@ TEST(FitVerb, RefusesWhatIsNoPersonAndWhatItCannotDo) {
   }
   const std::string path = folder.put("cube.xyz", cube).string();
   EXPECT_THAT(message_of([&] { boothctl({"fit", path, "--out", out}); }), HasSubstr("no person in the input"));
-  EXPECT_THAT(message_of([&] { boothctl({"fit", path, "--detail", "--out", out}); }), HasSubstr("--detail is not in this version"));
-  EXPECT_THAT(message_of([&] { boothctl({"fit", path, "--clothed", "--out", out}); }), HasSubstr("--clothed is not in this version"));
+  EXPECT_THAT(message_of([&] { boothctl({"fit", path, "--clothed", "--preset", "paper", "--out", out}); }), HasSubstr("--clothed needs preset booth"));
   EXPECT_THAT(message_of([&] { boothctl({"fit", path, "--models", folder.path().string(), "--out", out}); }), HasSubstr(folder.path().string()));
   EXPECT_THROW(boothctl({"fit"}), CLI::ParseError);
   EXPECT_THROW(boothctl({"fit", path, "--model", "child"}), CLI::ParseError);
