@@ -64,6 +64,20 @@ TEST(DressedScan, ABareBodyAndItsDetail) {
   EXPECT_LT(layer.distances(scan.cloud, result.beta, result.q).mean, 0.003);
 }
 
+TEST(DressedScan, MeasurementsSayHowWellTheyAreKnown) {
+  const auto model = daemon::load_body_model(daemon::find_models() / "men.npz");
+  const fit::ShapeVector beta = fit::ShapeVector::Zero(24);
+  const auto sharp = fit::measure_with_sd(model, beta, 0.01 * fit::ShapeMatrix::Identity(24, 24));
+  const auto vague = fit::measure_with_sd(model, beta, fit::ShapeMatrix::Identity(24, 24));
+  const auto nothing = fit::measure_with_sd(model, beta, fit::ShapeMatrix());
+  for (std::size_t m = 0; m < sharp.size(); ++m) {
+    EXPECT_GT(sharp[m].sd, 0) << sharp[m].name;
+    EXPECT_GT(vague[m].sd, sharp[m].sd) << sharp[m].name;
+    EXPECT_NEAR(nothing[m].sd, vague[m].sd, 1e-9) << sharp[m].name << ": nothing known is the population's spread";
+  }
+  EXPECT_NEAR(vague[0].sd, 0.077, 0.03) << "men's statures differ by 7.7 cm";
+}
+
 TEST(DressedScan, TheBodyUnderLooseClothesIsNotInflated) {
   const DressedPerson person = dress({.body = 16, .pose = "a", .heading = 40, .outfit = Outfit::loose, .seed = 16});
   const fit::Observation scan = observed(person, {.points = kPoints, .seed = 16});
