@@ -115,7 +115,7 @@ void Diagnostics::covariance(const UnknownMatrix& information, const UnknownMatr
     const Eigen::Matrix<double, 3, kDofs> jacobian = poser_.joint_pose_jacobian(j);
     const Eigen::Matrix3d c = jacobian * inverse.topLeftCorner<kDofs, kDofs>() * jacobian.transpose();
     result.joint_covariance[static_cast<std::size_t>(j)] =
-        calibrated_joint_covariance(0.5 * (c + c.transpose()), j, result.visibility[static_cast<std::size_t>(j)]);
+        calibrated_joint_covariance(0.5 * (c + c.transpose()), j, result.visibility[static_cast<std::size_t>(j)], result.coverage);
   }
 }
 

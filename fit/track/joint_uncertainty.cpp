@@ -11,7 +11,7 @@ namespace {
 // much where it is weak: half its deviation, and the rest is the joint's own.
 constexpr double kSeenScale = 0.5;
 // A joint that nothing was seen of is known by the priors and by its neighbours alone.
-constexpr double kInferredScale = 1.5, kInferredOwn = 0.03;
+constexpr double kInferredScale = 2, kInferredOwn = 0.06;
 
 /// Metres in every direction, of a joint that was seen; left and right alike, in the order of bones().
 constexpr std::array<double, kJoints> kOwn{
@@ -28,20 +28,25 @@ struct Spread {
   double scale, own;  ///< factor of the curvature's standard deviation; metres in every direction
 };
 
-Spread spread_of(int joint, JointVisibility visibility) {
-  const double own = kOwn[static_cast<std::size_t>(joint)];
-  return visibility == JointVisibility::seen ? Spread{kSeenScale, own} : Spread{kInferredScale, std::max(own, kInferredOwn)};
+// Seen from all sides, errors of the two faces of a limb cancel; seen from one, they do not, and depth and girth are told apart by the prior alone.
+constexpr double kWhole = 0.8, kOneSide = 0.6, kOneSideFactor = 1.6;
+
+Spread spread_of(int joint, JointVisibility visibility, double coverage) {
+  if (visibility != JointVisibility::seen) return {kInferredScale, kInferredOwn};
+  const double unseen = std::clamp((kWhole - coverage) / (kWhole - kOneSide), 0.0, 1.0);
+  const double factor = 1 + unseen * (kOneSideFactor - 1);
+  return {factor * kSeenScale, factor * kOwn[static_cast<std::size_t>(joint)]};
 }
 
 }  // namespace
 
-Eigen::Matrix3d calibrated_joint_covariance(const Eigen::Matrix3d& curvature, int joint, JointVisibility visibility) {
-  const Spread s = spread_of(joint, visibility);
+Eigen::Matrix3d calibrated_joint_covariance(const Eigen::Matrix3d& curvature, int joint, JointVisibility visibility, double coverage) {
+  const Spread s = spread_of(joint, visibility, coverage);
   return s.scale * s.scale * curvature + s.own * s.own * Eigen::Matrix3d::Identity();
 }
 
-Eigen::Matrix3d curvature_of(const Eigen::Matrix3d& calibrated, int joint, JointVisibility visibility) {
-  const Spread s = spread_of(joint, visibility);
+Eigen::Matrix3d curvature_of(const Eigen::Matrix3d& calibrated, int joint, JointVisibility visibility, double coverage) {
+  const Spread s = spread_of(joint, visibility, coverage);
   return (calibrated - s.own * s.own * Eigen::Matrix3d::Identity()) / (s.scale * s.scale);
 }
 

@@ -16,11 +16,12 @@ TEST(JointUncertainty, HasAnInverseAndIsWiderForWhatWasNotSeen) {
   Eigen::Matrix3d curvature;
   curvature << 4e-5, 1e-5, 0, 1e-5, 9e-5, 0, 0, 0, 1e-6;
   for (int j = 0; j < kJoints; ++j) {
-    const Eigen::Matrix3d seen = calibrated_joint_covariance(curvature, j, JointVisibility::seen);
-    const Eigen::Matrix3d inferred = calibrated_joint_covariance(curvature, j, JointVisibility::inferred);
-    EXPECT_LT((curvature_of(seen, j, JointVisibility::seen) - curvature).norm(), 1e-12);
-    EXPECT_LT((curvature_of(inferred, j, JointVisibility::inferred) - curvature).norm(), 1e-12);
+    const Eigen::Matrix3d seen = calibrated_joint_covariance(curvature, j, JointVisibility::seen, 0.9);
+    const Eigen::Matrix3d inferred = calibrated_joint_covariance(curvature, j, JointVisibility::inferred, 0.9);
+    EXPECT_LT((curvature_of(seen, j, JointVisibility::seen, 0.9) - curvature).norm(), 1e-12);
+    EXPECT_LT((curvature_of(inferred, j, JointVisibility::inferred, 0.9) - curvature).norm(), 1e-12);
     EXPECT_GT((Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inferred - seen).eigenvalues().minCoeff()), 0) << "in every direction";
+    EXPECT_GT(calibrated_joint_covariance(curvature, j, JointVisibility::seen, 0.5).trace(), 1.5 * seen.trace()) << "from one side less is known";
   }
 }
 

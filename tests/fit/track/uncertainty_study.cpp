@@ -89,7 +89,7 @@ void run_one(const Options& options, int number, const std::string& motion_text,
       const auto k = static_cast<std::size_t>(j);
       const Eigen::Vector3d error = result.joints.col(j) - fit::cmu_from_booth({p[0], p[1], p[2]});
       out.joints.push_back({j, result.visibility[k] == fit::JointVisibility::seen, error, result.joint_covariance[k],
-                            fit::curvature_of(result.joint_covariance[k], j, result.visibility[k])});
+                            fit::curvature_of(result.joint_covariance[k], j, result.visibility[k], result.coverage)});
       joint_error += error.norm() / fit::kJoints;
     }
     if (++frames % 30 == 1) last = fit::measure_with_sd(setup.fitter->estimator().model(), result.beta, result.shape_covariance);
