@@ -34,8 +34,8 @@ constexpr std::array<Description, kMeasures> kDescriptions{{
 constexpr double kScale = 1;
 constexpr std::array<double, kMeasures> kUnexplained{
     0.0098,                          // stature
-    0.7, 0.0007,                     // mass, volume
-    0.003, 0.0071, 0.0058,           // chest, waist, buttock
+    0.7,    0.0007,                  // mass, volume
+    0.003,  0.0071, 0.0058,          // chest, waist, buttock
     0.0100, 0.0137,                  // thigh, calf
     0.0037, 0.0124, 0.0118, 0.0097,  // shoulder breadth, arm, leg, crotch
 };

@@ -15,13 +15,13 @@ constexpr double kInferredScale = 2, kInferredOwn = 0.06;
 
 /// Metres in every direction, of a joint that was seen; left and right alike, in the order of bones().
 constexpr std::array<double, kJoints> kOwn{
-    0.0054,                                          // root
-    0.0055, 0.0047, 0.0043, 0.0074, 0.0099,          // left hip, knee, ankle, foot, toe
-    0.0055, 0.0047, 0.0043, 0.0074, 0.0099,          // right
-    0.0052, 0.0033,                                  // spine_pivot, chest_top
-    0.0043, 0.0046, 0.0069, 0.0073,                  // left shoulder, elbow, wrist, hand
-    0.0043, 0.0046, 0.0069, 0.0073,                  // right
-    0.0025, 0.0040, 0.0035,                          // neck_pivot, head_base, head_top
+    0.0054,                                  // root
+    0.0055, 0.0047, 0.0043, 0.0074, 0.0099,  // left hip, knee, ankle, foot, toe
+    0.0055, 0.0047, 0.0043, 0.0074, 0.0099,  // right
+    0.0052, 0.0033,                          // spine_pivot, chest_top
+    0.0043, 0.0046, 0.0069, 0.0073,          // left shoulder, elbow, wrist, hand
+    0.0043, 0.0046, 0.0069, 0.0073,          // right
+    0.0025, 0.0040, 0.0035,                  // neck_pivot, head_base, head_top
 };
 
 struct Spread {

@@ -16,7 +16,8 @@ Eigen::Matrix3Xf person(const PoseVector& q) {
   const auto model = tests::capsule_body();
   const Observation o = tests::posed_cloud(*model, ShapeVector::Zero(1), q);
   Eigen::Matrix3Xf out(3, o.cloud.size);
-  for (int i = 0; i < o.cloud.size; ++i) out.col(i) << o.cloud.x[static_cast<std::size_t>(i)], o.cloud.y[static_cast<std::size_t>(i)], o.cloud.z[static_cast<std::size_t>(i)];
+  for (int i = 0; i < o.cloud.size; ++i)
+    out.col(i) << o.cloud.x[static_cast<std::size_t>(i)], o.cloud.y[static_cast<std::size_t>(i)], o.cloud.z[static_cast<std::size_t>(i)];
   out.row(1).array() -= out.row(1).minCoeff();
   return out;
 }
@@ -44,7 +45,8 @@ TEST(ScanFloor, IsFoundUnderAPerson) {
     EXPECT_NEAR(floor.height, 0, 0.01f);
     EXPECT_NEAR(floor.tilt_x, tilt, 0.01f);
     int left = 0, taken = 0;
-    for (Eigen::Index i = 0; i < scan.cols(); ++i) (i < standing.cols() ? left : taken) += i < standing.cols() ? floor.above[static_cast<std::size_t>(i)] : floor.above[static_cast<std::size_t>(i)] == 0;
+    for (Eigen::Index i = 0; i < scan.cols(); ++i)
+      (i < standing.cols() ? left : taken) += i < standing.cols() ? floor.above[static_cast<std::size_t>(i)] : floor.above[static_cast<std::size_t>(i)] == 0;
     EXPECT_GT(left, 0.93 * static_cast<double>(standing.cols())) << "soles go with the floor, the body stays";
     EXPECT_EQ(taken, scan.cols() - standing.cols());
   }

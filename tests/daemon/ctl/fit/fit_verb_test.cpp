@@ -113,7 +113,8 @@ TEST(FitVerb, DetailLiesOnTheScanWhereTheBodyDoesNot) {
   ScratchFolder folder;
   Person person;
   // A hat and a coat: what no shape holds.
-  const float shoulders = static_cast<float>(person.joints(1, fit::joint_index("chest_top"))), head = static_cast<float>(person.joints(1, fit::joint_index("head_base")));
+  const float shoulders = static_cast<float>(person.joints(1, fit::joint_index("chest_top"))),
+              head = static_cast<float>(person.joints(1, fit::joint_index("head_base")));
   fit::Vertices normals;
   fit::vertex_normals(person.vertices, person.model.data().faces, normals);
   for (Eigen::Index v = 0; v < person.vertices.cols(); ++v) {
