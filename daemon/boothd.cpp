@@ -1,6 +1,7 @@
 // The daemon's main thread: puts the rooms together, waits for signals, feeds the watchdog, takes everything down in order.
 #include <fmt/format.h>
 #include <signal.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -12,6 +13,7 @@
 #include "daemon/ctl/control_protocol.hpp"
 #include "daemon/ctl/control_server.hpp"
 #include "daemon/ctl/panel_protocol.hpp"
+#include "daemon/dds/configured.hpp"
 #include "daemon/dds/dds_link.hpp"
 #include "daemon/drivers_factory.gpio.hpp"
 #include "daemon/drivers_factory.hpp"
@@ -22,6 +24,7 @@
 #include "daemon/pipeline/pipeline.hpp"
 #include "daemon/session/controller.hpp"
 #include "daemon/session/panel_link.hpp"
+#include "daemon/session/remote_commands.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -59,6 +62,13 @@ struct ShutdownFirst {
   ~ShutdownFirst() { controller.shutdown("signal"); }
 };
 
+/// When the calibration that the cameras use was written; 0 where there is none.
+std::int64_t calibrated_utc_ns(const Config& config) {
+  struct stat file {};
+  if (config.cameras.driver != "kinect2" || config.cameras.kinect2.calibration.empty() || ::stat(config.cameras.kinect2.calibration.c_str(), &file) != 0) return 0;
+  return static_cast<std::int64_t>(file.st_mtim.tv_sec) * 1'000'000'000 + file.st_mtim.tv_nsec;
+}
+
 ControllerSettings controller_settings(const Config& config, const DepthSource& source, const FitSetup& fit) {
   ControllerSettings out;
   out.session_directory = config.session.directory;
@@ -81,6 +91,7 @@ ControllerSettings controller_settings(const Config& config, const DepthSource& 
   out.info.seed = static_cast<std::uint64_t>(config.fit.seed);
   out.info.threads = static_cast<int>(config.fit.threads);
   for (const auto& camera : source.cameras) out.info.cameras.push_back(camera->description().name);
+  out.calibrated_utc_ns = calibrated_utc_ns(config);
   return out;
 }
 
@@ -171,16 +182,8 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
   }
   std::unique_ptr<DdsLink> dds;
   if (config.dds.enabled) {
-    const DdsSettings settings{.booth = config.booth.id,
-                               .domain = static_cast<std::uint32_t>(config.dds.domain),
-                               .interface = config.dds.interface,
-                               .multicast = config.dds.multicast,
-                               .peers = config.dds.peers};
     dds = stage(kUnavailable, [&] {
-      return std::make_unique<DdsLink>(settings, *source.clock, [&](DdsCommand command) {
-        const ControlAnswer answer = controller.request(command == DdsCommand::start ? SessionEvent::start : SessionEvent::stop, "dds");
-        return DdsAnswer{answer.accepted, wire_state(answer.state), answer.text};
-      });
+      return std::make_unique<DdsLink>(dds_settings(config), *source.clock, [&](DdsCommand command) { return answer_remote_command(command, controller); });
     });
   }
   Pipeline pipeline(pipeline_settings(config), source.cameras, *source.clock, *fit.fitter, controller);

@@ -1,4 +1,4 @@
-// The only file that speaks to Cyclone DDS.
+// Samples from plain values, and the thread that hears commands.
 #include "daemon/dds/dds_link.hpp"
 
 #include <dds/dds.h>
@@ -12,27 +12,11 @@
 #include <thread>
 
 #include "booth.h"
+#include "daemon/dds/participant.hpp"
+#include "daemon/dds/topics.hpp"
 
 namespace booth::daemon {
 namespace {
-
-dds_entity_t check(dds_entity_t entity, const char* what) {
-  if (entity < 0)
-    throw std::runtime_error(
-        fmt::format("DDS: {} failed: {} (keys dds.domain, dds.interface, dds.multicast, dds.peers; or dds.enabled=false)", what, dds_strretcode(-entity)));
-  return entity;
-}
-
-struct Qos {
-  dds_qos_t* qos = dds_create_qos();
-  Qos() {
-    dds_data_representation_id_t xcdr1 = DDS_DATA_REPRESENTATION_XCDR1;
-    dds_qset_data_representation(qos, 1, &xcdr1);
-  }
-  ~Qos() { dds_delete_qos(qos); }
-  Qos(const Qos&) = delete;
-  operator dds_qos_t*() const { return qos; }  // NOLINT(google-explicit-constructor): it stands for the library's handle
-};
 
 /// Copies into a bounded IDL string, cutting what is too long.
 template <std::size_t N>
@@ -42,47 +26,47 @@ void set_text(char (&to)[N], const std::string& from) {
   std::memset(to + n, 0, N - n);
 }
 
-bool is_address(const std::string& text) { return text.find_first_not_of("0123456789.") == std::string::npos || text.find(':') != std::string::npos; }
-
-constexpr std::uint32_t kMostMeasurements = 32, kMostCameras = 8;
+constexpr std::uint32_t kMostMeasurements = 32, kMostCameras = booth_msg_MAX_CAMERAS, kMostFaults = booth_msg_MAX_FAULTS;
 
 }  // namespace
 
-std::string dds_configuration(const DdsSettings& settings) {
-  std::string interfaces;
-  if (!settings.interface.empty())
-    interfaces = fmt::format("<Interfaces><NetworkInterface {}=\"{}\"/></Interfaces>", is_address(settings.interface) ? "address" : "name", settings.interface);
-  std::string peers;
-  if (!settings.multicast) peers += "<Peer Address=\"localhost\"/>";
-  for (const auto& peer : settings.peers) peers += fmt::format("<Peer Address=\"{}\"/>", peer);
-  if (!peers.empty()) peers = "<Peers>" + peers + "</Peers>";
-  // Without multicast participants are found at ports counted from zero; 32 of them on one machine are enough for any booth.
-  return fmt::format(
-      "<CycloneDDS><Domain Id=\"any\"><General>{}<AllowMulticast>{}</AllowMulticast></General>"
-      "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>{}</Discovery></Domain></CycloneDDS>",
-      interfaces, settings.multicast ? "true" : "false", peers);
-}
-
 struct DdsLink::Impl {
-  DdsSettings settings;
+  const std::string booth;
   hal::Clock& clock;
-  std::function<DdsAnswer(DdsCommand)> on_command;
+  std::atomic<std::uint8_t> state{0};  ///< SessionState, as last published
+  CommandGuard guard;
 
-  dds_entity_t domain = 0, participant = 0, publisher = 0, subscriber = 0;
+  DdsParticipant dds;
   dds_entity_t skeleton_writer = 0, body_writer = 0, status_writer = 0, event_writer = 0, reply_writer = 0, command_reader = 0;
-  dds_entity_t waitset = 0, guard = 0;
+  dds_entity_t waitset = 0, end = 0;
   std::thread thread;
   std::atomic<bool> stop{false};
 
   std::mutex skeleton_mutex;
   booth_msg_Skeleton skeleton{};
   std::array<double, kRecordShape> skeleton_beta{};
-  std::mutex slow_mutex;  ///< body, status, event, reply
+  std::mutex event_mutex;
   std::uint64_t event_number = 0;
-  std::atomic<std::uint64_t> failures{0};
+  std::atomic<std::uint64_t> failures{0}, ignored{0};
   std::atomic<dds_return_t> last_failure{0};
 
-  Impl(const DdsSettings& s, hal::Clock& c, std::function<DdsAnswer(DdsCommand)> callback) : settings(s), clock(c), on_command(std::move(callback)) {}
+  Impl(const DdsSettings& settings, hal::Clock& c, CommandGuard::CarryOut on_command)
+      : booth(settings.booth),
+        clock(c),
+        guard(booth_msg_VERSION, utc_ns(), std::move(on_command), [this] { return state.load(std::memory_order_relaxed); }),
+        dds(settings) {
+    set_text(skeleton.booth, booth);
+    skeleton.version = booth_msg_VERSION;
+    skeleton.beta._buffer = skeleton_beta.data();
+    skeleton.beta._maximum = kRecordShape;
+    open();
+  }
+  ~Impl() {
+    stop = true;
+    if (!thread.joinable()) return;
+    dds_set_guardcondition(end, true);
+    thread.join();
+  }
 
   std::int64_t utc_ns() const { return clock.utc_now().time_since_epoch().count(); }
   std::int64_t monotonic_ns() const { return clock.now().time_since_epoch().count(); }
@@ -93,61 +77,32 @@ struct DdsLink::Impl {
     last_failure.store(result, std::memory_order_relaxed);
   }
 
-  dds_entity_t writer(const dds_topic_descriptor_t& type, const char* topic_name, const Qos& qos) {
-    const dds_entity_t topic = check(dds_create_topic(participant, &type, topic_name, nullptr, nullptr), topic_name);
-    return check(dds_create_writer(publisher, topic, qos, nullptr), topic_name);
-  }
-
   void open() {
-    domain = dds_create_domain(settings.domain, dds_configuration(settings).c_str());
-    // Another part of this process may have opened the domain already (tests do); its configuration then holds.
-    if (domain < 0 && domain != DDS_RETCODE_PRECONDITION_NOT_MET) check(domain, "opening the domain");
-    participant = check(dds_create_participant(settings.domain, nullptr, nullptr), "joining the domain");
-    Qos partition;
-    const char* names[] = {settings.booth.c_str()};
-    dds_qset_partition(partition, 1, names);
-    publisher = check(dds_create_publisher(participant, partition, nullptr), "making a publisher");
-    subscriber = check(dds_create_subscriber(participant, partition, nullptr), "making a subscriber");
-
-    Qos skeletons;
-    dds_qset_reliability(skeletons, DDS_RELIABILITY_BEST_EFFORT, 0);
-    dds_qset_history(skeletons, DDS_HISTORY_KEEP_LAST, 1);
-    dds_qset_deadline(skeletons, DDS_MSECS(100));
-    dds_qset_liveliness(skeletons, DDS_LIVELINESS_AUTOMATIC, DDS_MSECS(500));
-    skeleton_writer = writer(booth_msg_Skeleton_desc, "booth/skeleton", skeletons);
-
-    Qos latest;
-    dds_qset_reliability(latest, DDS_RELIABILITY_RELIABLE, DDS_MSECS(10));
-    dds_qset_durability(latest, DDS_DURABILITY_TRANSIENT_LOCAL);
-    dds_qset_history(latest, DDS_HISTORY_KEEP_LAST, 1);
-    body_writer = writer(booth_msg_Body_desc, "booth/body", latest);
-    status_writer = writer(booth_msg_Status_desc, "booth/status", latest);
-
-    Qos every;
-    dds_qset_reliability(every, DDS_RELIABILITY_RELIABLE, DDS_MSECS(10));
-    dds_qset_history(every, DDS_HISTORY_KEEP_ALL, 0);
-    dds_qset_resource_limits(every, 1000, 10, 1000);
-    event_writer = writer(booth_msg_Event_desc, "booth/event", every);
-    reply_writer = writer(booth_msg_Reply_desc, "booth/reply", every);
-    const dds_entity_t topic = check(dds_create_topic(participant, &booth_msg_Command_desc, "booth/command", nullptr, nullptr), "booth/command");
-    command_reader = check(dds_create_reader(subscriber, topic, every, nullptr), "booth/command");
-
-    waitset = check(dds_create_waitset(participant), "making a waitset");
-    guard = check(dds_create_guardcondition(participant), "making a guard condition");
-    const dds_entity_t readable = check(dds_create_readcondition(command_reader, DDS_ANY_STATE), "watching booth/command");
-    check(dds_waitset_attach(waitset, guard, 0), "watching the guard condition");
-    check(dds_waitset_attach(waitset, readable, 1), "watching booth/command");
+    const auto writer = [this](DdsTopic topic) { return make_writer(dds.participant(), dds.publisher(), topic); };
+    skeleton_writer = writer(DdsTopic::skeleton);
+    body_writer = writer(DdsTopic::body);
+    status_writer = writer(DdsTopic::status);
+    event_writer = writer(DdsTopic::event);
+    reply_writer = writer(DdsTopic::reply);
+    open_ears();
     thread = std::thread([this] { hear(); });
   }
 
-  void close() {
-    stop = true;
-    if (thread.joinable()) {
-      dds_set_guardcondition(guard, true);
-      thread.join();
-    }
-    if (participant > 0) dds_delete(participant);
-    if (domain > 0) dds_delete(domain);
+  /// What is for other booths is thrown away before it takes room: whoever writes under a thousand names makes no thousand instances here.
+  static bool is_for(const void* sample, void* impl) { return static_cast<const Impl*>(impl)->booth == static_cast<const booth_msg_Command*>(sample)->booth; }
+
+  void open_ears() {
+    const char* name = topic_info(DdsTopic::command).name;
+    const dds_entity_t topic = dds_check(dds_create_topic(dds.participant(), topic_info(DdsTopic::command).type, name, nullptr, nullptr), name);
+    dds_check(dds_set_topic_filter_and_arg(topic, is_for, this), name);
+    const DdsQos qos;
+    set_topic_qos(DdsTopic::command, qos);
+    command_reader = dds_check(dds_create_reader(dds.subscriber(), topic, qos, nullptr), name);
+    waitset = dds_check(dds_create_waitset(dds.participant()), "making a waitset");
+    end = dds_check(dds_create_guardcondition(dds.participant()), "making a guard condition");
+    const dds_entity_t readable = dds_check(dds_create_readcondition(command_reader, DDS_ANY_STATE), "watching booth/command");
+    dds_check(dds_waitset_attach(waitset, end, 0), "watching the guard condition");
+    dds_check(dds_waitset_attach(waitset, readable, 1), "watching booth/command");
   }
 
   void hear() {
@@ -157,28 +112,32 @@ struct DdsLink::Impl {
       void* samples[1] = {nullptr};
       dds_sample_info_t info[1];
       while (!stop && dds_take(command_reader, samples, info, 1, 1) == 1) {
-        if (info[0].valid_data) answer(*static_cast<const booth_msg_Command*>(samples[0]));
+        if (info[0].valid_data) answer(*static_cast<const booth_msg_Command*>(samples[0]), info[0].publication_handle);
         (void)dds_return_loan(command_reader, samples, 1);
         samples[0] = nullptr;
       }
     }
   }
 
-  void answer(const booth_msg_Command& command) {
-    if (settings.booth != command.booth) return;
-    DdsAnswer result;
-    if (command.kind == booth_msg_COMMAND_START || command.kind == booth_msg_COMMAND_STOP) {
-      result = on_command(command.kind == booth_msg_COMMAND_START ? DdsCommand::start : DdsCommand::stop);
-    } else {
-      result.text = "this command is not known";
-    }
+  void answer(const booth_msg_Command& command, dds_instance_handle_t writer) {
+    const RemoteCommand remote{.writer = writer,
+                               .version = command.version,
+                               .sender = command.sender,
+                               .id = command.id,
+                               .utc_ns = command.utc_ns,
+                               .kind = static_cast<std::uint32_t>(command.kind)};
+    const auto result = guard.handle(remote, utc_ns(), clock.now());
+    ignored.store(guard.ignored(), std::memory_order_relaxed);
+    if (!result) return;
     booth_msg_Reply reply{};
-    set_text(reply.booth, settings.booth);
-    reply.id = command.id;
-    reply.accepted = result.accepted;
-    reply.state = static_cast<booth_msg_SessionState>(result.state);
-    set_text(reply.text, result.text);
-    const std::lock_guard lock(slow_mutex);
+    set_text(reply.booth, booth);
+    reply.version = booth_msg_VERSION;
+    set_text(reply.sender, remote.sender);
+    reply.id = remote.id;
+    reply.accepted = result->answer.accepted;
+    reply.repeated = result->repeated;
+    reply.state = static_cast<booth_msg_SessionState>(result->answer.state);
+    set_text(reply.text, result->answer.text);
     note(dds_write(reply_writer, &reply));
   }
 
@@ -192,19 +151,9 @@ struct DdsLink::Impl {
 };
 
 DdsLink::DdsLink(const DdsSettings& settings, hal::Clock& clock, std::function<DdsAnswer(DdsCommand)> on_command)
-    : impl_(std::make_unique<Impl>(settings, clock, std::move(on_command))) {
-  set_text(impl_->skeleton.booth, settings.booth);
-  impl_->skeleton.beta._buffer = impl_->skeleton_beta.data();
-  impl_->skeleton.beta._maximum = kRecordShape;
-  try {
-    impl_->open();
-  } catch (...) {
-    impl_->close();
-    throw;
-  }
-}
+    : impl_(std::make_unique<Impl>(settings, clock, std::move(on_command))) {}
 
-DdsLink::~DdsLink() { impl_->close(); }
+DdsLink::~DdsLink() = default;
 
 void DdsLink::publish(const FrameRecord& frame) noexcept {
   const std::lock_guard lock(impl_->skeleton_mutex);
@@ -238,6 +187,7 @@ void DdsLink::publish_idle(std::uint8_t session_state) noexcept {
   const booth_msg_Skeleton old = s;
   s = {};
   std::memcpy(s.booth, old.booth, sizeof s.booth);
+  s.version = old.version;
   s.serial_number = old.serial_number;
   s.beta = old.beta;
   s.beta._length = 0;
@@ -251,7 +201,8 @@ void DdsLink::publish_idle(std::uint8_t session_state) noexcept {
 
 void DdsLink::publish(const BodySample& body) {
   booth_msg_Body sample{};
-  set_text(sample.booth, impl_->settings.booth);
+  set_text(sample.booth, impl_->booth);
+  sample.version = booth_msg_VERSION;
   set_text(sample.session, body.session);
   set_text(sample.model_version, body.model_version);
   sample.utc_ns = impl_->utc_ns();
@@ -262,18 +213,20 @@ void DdsLink::publish(const BodySample& body) {
   std::copy(body.bone_lengths.begin(), body.bone_lengths.end(), sample.bone_lengths);
   std::vector<booth_msg_Measurement> measurements(std::min<std::size_t>(body.measurements.size(), kMostMeasurements));
   for (std::size_t i = 0; i < measurements.size(); ++i) {
-    set_text(measurements[i].name, body.measurements[i].first);
-    measurements[i].value = body.measurements[i].second;
+    set_text(measurements[i].name, body.measurements[i].name);
+    set_text(measurements[i].unit, body.measurements[i].unit);
+    measurements[i].value = body.measurements[i].value;
+    measurements[i].deviation = body.measurements[i].deviation;
   }
   sample.measurements._buffer = measurements.data();
   sample.measurements._maximum = sample.measurements._length = static_cast<std::uint32_t>(measurements.size());
-  const std::lock_guard lock(impl_->slow_mutex);
   impl_->note(dds_write(impl_->body_writer, &sample));
 }
 
 void DdsLink::publish(const StatusSample& status) {
   booth_msg_Status sample{};
-  set_text(sample.booth, impl_->settings.booth);
+  set_text(sample.booth, impl_->booth);
+  sample.version = booth_msg_VERSION;
   sample.utc_ns = impl_->utc_ns();
   sample.monotonic_ns = impl_->monotonic_ns();
   sample.state = static_cast<booth_msg_SessionState>(status.state);
@@ -282,6 +235,14 @@ void DdsLink::publish(const StatusSample& status) {
   sample.emergency_latched = status.latched;
   set_text(sample.session, status.session);
   set_text(sample.alarm, status.alarm);
+  set_text(sample.software, status.software);
+  std::vector<booth_msg_Fault> faults(std::min<std::size_t>(status.faults.size(), kMostFaults));
+  for (std::size_t i = 0; i < faults.size(); ++i) {
+    set_text(faults[i].source, status.faults[i].first);
+    set_text(faults[i].text, status.faults[i].second);
+  }
+  sample.faults._buffer = faults.data();
+  sample.faults._maximum = sample.faults._length = static_cast<std::uint32_t>(faults.size());
   std::vector<booth_msg_Camera> cameras(std::min<std::size_t>(status.cameras.size(), kMostCameras));
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     const StatusSample::Camera& from = status.cameras[i];
@@ -300,21 +261,28 @@ void DdsLink::publish(const StatusSample& status) {
   sample.latency_p50_ms = status.latency_p50_ms;
   sample.latency_p99_ms = status.latency_p99_ms;
   sample.residual = status.residual;
-  const std::lock_guard lock(impl_->slow_mutex);
+  sample.calibration_age_s = status.calibration_age_s;
+  sample.calibration_residual = status.calibration_residual;
+  sample.disk_free_bytes = status.disk_free_bytes;
+  sample.disk_total_bytes = status.disk_total_bytes;
+  impl_->state.store(status.state, std::memory_order_relaxed);
   impl_->note(dds_write(impl_->status_writer, &sample));
 }
 
 void DdsLink::publish_event(const std::string& kind, const std::string& source, const std::string& text) {
   booth_msg_Event sample{};
-  set_text(sample.booth, impl_->settings.booth);
+  set_text(sample.booth, impl_->booth);
+  sample.version = booth_msg_VERSION;
   sample.utc_ns = impl_->utc_ns();
   set_text(sample.kind, kind);
   set_text(sample.source, source);
   set_text(sample.text, text);
-  const std::lock_guard lock(impl_->slow_mutex);
+  const std::lock_guard lock(impl_->event_mutex);  // events go out in the order of their numbers
   sample.serial_number = ++impl_->event_number;
   impl_->note(dds_write(impl_->event_writer, &sample));
 }
+
+std::uint64_t DdsLink::commands_ignored() const { return impl_->ignored.load(std::memory_order_relaxed); }
 
 std::uint64_t DdsLink::failures() const { return impl_->failures.load(); }
 

@@ -8,28 +8,23 @@
 #include <string>
 #include <vector>
 
+#include "daemon/dds/command_guard.hpp"
+#include "daemon/dds/dds_settings.hpp"
 #include "daemon/pipeline/frame_record.hpp"
 #include "hal/clock.hpp"
 
 namespace booth::daemon {
 
-struct DdsSettings {
-  std::string booth = "booth";
-  std::uint32_t domain = 0;
-  std::string interface;  ///< empty: the library chooses
-  bool multicast = true;
-  std::vector<std::string> peers;
-};
-
-/// Cyclone DDS's own configuration for these settings, as XML (what CYCLONEDDS_URI would hold).
-std::string dds_configuration(const DdsSettings& settings);
-
 struct BodySample {
   std::string session, model_version;
   RecordSex sex = RecordSex::men;
-  std::vector<double> beta;                                  ///< at most kRecordShape
-  std::array<double, kRecordJoints> bone_lengths{};          ///< metres
-  std::vector<std::pair<std::string, double>> measurements;  ///< at most 32
+  struct Measurement {
+    std::string name, unit;
+    double value = 0, deviation = -1;  ///< one standard deviation; negative: not known
+  };
+  std::vector<double> beta;                          ///< at most kRecordShape
+  std::array<double, kRecordJoints> bone_lengths{};  ///< metres
+  std::vector<Measurement> measurements;             ///< at most 32
 };
 
 struct StatusSample {
@@ -41,24 +36,19 @@ struct StatusSample {
   };
   std::uint8_t state = 0;  ///< SessionState
   bool degraded = false, paused = false, latched = false;
-  std::string session, alarm;
-  std::vector<Camera> cameras;  ///< at most 8
+  std::string software, session, alarm;
+  std::vector<std::pair<std::string, std::string>> faults;  ///< source and sentence; at most 8
+  std::vector<Camera> cameras;                              ///< at most 8
   std::uint64_t frames = 0, groups_dropped = 0;
   float fps = 0, latency_p50_ms = 0, latency_p99_ms = 0, residual = 0;
-};
-
-enum class DdsCommand : std::uint8_t { start, stop };
-
-struct DdsAnswer {
-  bool accepted = false;
-  std::uint8_t state = 0;  ///< SessionState after the command
-  std::string text;        ///< why it was refused
+  double calibration_age_s = -1, calibration_residual = -1;    ///< negative: not known
+  std::int64_t disk_free_bytes = -1, disk_total_bytes = -1;  ///< negative: not known
 };
 
 /// Topics, types and quality of service: docs/reference/dds.md. Public functions are thread-safe; none waits for a reader.
 class DdsLink {
  public:
-  /// `on_command` is called on a thread of the link's own. Throws std::runtime_error naming what DDS refused and which key to look at.
+  /// `on_command` is called on a thread of the link's own, at most 8 times a second, for commands that CommandGuard lets through. Throws std::runtime_error naming what DDS refused and which key to look at.
   DdsLink(const DdsSettings& settings, hal::Clock& clock, std::function<DdsAnswer(DdsCommand)> on_command);
   ~DdsLink();
   DdsLink(const DdsLink&) = delete;
@@ -72,6 +62,8 @@ class DdsLink {
   /// Texts longer than the topic's bounds are cut.
   void publish_event(const std::string& kind, const std::string& source, const std::string& text);
 
+  /// Commands that were not even answered, because their senders ask too often.
+  std::uint64_t commands_ignored() const;
   /// Samples that DDS refused, and its last reason.
   std::uint64_t failures() const;
   std::string last_failure() const;

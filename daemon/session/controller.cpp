@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "daemon/health/log.hpp"
+#include "daemon/session/dds_samples.hpp"
 
 namespace booth::daemon {
 
@@ -279,21 +280,15 @@ void Controller::write_files(SessionInfo info, std::filesystem::path folder) {
 
 void Controller::publish_body() {
   body_published_ = true;
-  BodySample body;
   FrameRecord frame;
+  std::string session;
   {
     const std::lock_guard lock(shared_mutex_);
-    body.session = session_;
+    session = session_;
     frame = last_;
   }
   const fit::BodyModel* model = settings_.models.of(frame.sex);
-  if (!model || !dds_) return;
-  body.sex = frame.sex;
-  body.model_version = model->data().version;
-  body.beta.assign(frame.beta.begin(), frame.beta.begin() + frame.shape_count);
-  const fit::Points3 bones = model->bone_vectors(Eigen::Map<const Eigen::VectorXd>(frame.beta.data(), frame.shape_count));
-  for (std::size_t b = 0; b < kRecordJoints; ++b) body.bone_lengths[b] = bones.col(static_cast<Eigen::Index>(b)).norm();
-  dds_->publish(body);
+  if (model && dds_) dds_->publish(body_sample(frame, *model, session));
 }
 
 void Controller::publish_status(bool force) {
@@ -306,28 +301,7 @@ void Controller::publish_status(bool force) {
   if (!force && key == status_key_ && now - last_status_ < 1s) return;
   status_key_ = std::move(key);
   last_status_ = now;
-  StatusSample out;
-  out.state = wire_state(s.state);
-  out.degraded = s.degraded;
-  out.paused = s.paused;
-  out.latched = s.latched;
-  out.session = s.session;
-  out.alarm = s.alarm;
-  for (const auto& camera : s.cameras) {
-    out.cameras.push_back({.name = camera.name,
-                           .state = to_string(camera.state),
-                           .fps = static_cast<float>(camera.fps),
-                           .delivered = camera.counters.delivered,
-                           .dropped = camera.counters.dropped + camera.no_slot,
-                           .restarts = camera.restarts});
-  }
-  out.frames = s.counters.fitted;
-  out.groups_dropped = s.counters.groups_dropped;
-  out.fps = static_cast<float>(s.fps);
-  out.latency_p50_ms = static_cast<float>(s.latency.p50_ms);
-  out.latency_p99_ms = static_cast<float>(s.latency.p99_ms);
-  out.residual = s.last_known ? s.last.residual : 0;
-  dds_->publish(out);
+  dds_->publish(status_sample(s, settings_, clock_.utc_now().time_since_epoch().count()));
 }
 
 void Controller::set_alarm(const std::string& text) {

@@ -35,6 +35,8 @@ struct ControllerSettings {
   SessionInfo info;  ///< what is the same in every session of this daemon
   SessionModels models;
   std::shared_ptr<const hal::GroundTruth> truth;  ///< may be null
+  std::int64_t calibrated_utc_ns = 0;             ///< when the cameras were calibrated; 0: not known
+  double calibration_residual = -1;               ///< metres; negative: not known
 };
 
 /// Answer to a request.

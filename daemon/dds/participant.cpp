@@ -1,0 +1,67 @@
+// Domain, participant and partition, from the settings.
+#include "daemon/dds/participant.hpp"
+
+#include <fmt/format.h>
+
+#include <stdexcept>
+
+#include "daemon/dds/topics.hpp"
+
+namespace booth::daemon {
+namespace {
+
+bool is_address(const std::string& text) { return text.find_first_not_of("0123456789.") == std::string::npos || text.find(':') != std::string::npos; }
+
+}  // namespace
+
+dds_entity_t dds_check(dds_entity_t entity, const std::string& what) {
+  if (entity < 0)
+    throw std::runtime_error(
+        fmt::format("DDS: {} failed: {} (keys dds.domain, dds.interface, dds.multicast, dds.peers; or dds.enabled=false)", what, dds_strretcode(-entity)));
+  return entity;
+}
+
+std::string dds_configuration(const DdsSettings& settings) {
+  std::string interfaces;
+  if (!settings.interface.empty())
+    interfaces = fmt::format("<Interfaces><NetworkInterface {}=\"{}\"/></Interfaces>", is_address(settings.interface) ? "address" : "name", settings.interface);
+  std::string peers;
+  if (!settings.multicast) peers += "<Peer Address=\"localhost\"/>";
+  for (const auto& peer : settings.peers) peers += fmt::format("<Peer Address=\"{}\"/>", peer);
+  if (!peers.empty()) peers = "<Peers>" + peers + "</Peers>";
+  // Watermarks: by default the library makes a reliable writer wait for slow readers, the sooner the more is lost on the way; here histories are bounded by
+  // keep last instead, and their 1000 samples of 300 bytes stay below this mark.
+  // Without multicast participants are found at ports counted from zero; 32 of them on one machine are enough for any booth.
+  return fmt::format(
+      "<CycloneDDS><Domain Id=\"any\"><General>{}<AllowMulticast>{}</AllowMulticast></General>"
+      "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>{}</Discovery>"
+      "<Internal><Watermarks><WhcAdaptive>false</WhcAdaptive><WhcHigh>4 MiB</WhcHigh></Watermarks></Internal></Domain></CycloneDDS>",
+      interfaces, settings.multicast ? "true" : "false", peers);
+}
+
+DdsParticipant::DdsParticipant(const DdsSettings& settings) {
+  try {
+    domain_ = dds_create_domain(settings.domain, dds_configuration(settings).c_str());
+    // Another part of this process may have opened the domain already (tests do); its configuration then holds.
+    if (domain_ < 0 && domain_ != DDS_RETCODE_PRECONDITION_NOT_MET) dds_check(domain_, "opening the domain");
+    DdsQos participant_qos;  // what identifies this participant to others is set here and nowhere else
+    participant_ = dds_check(dds_create_participant(settings.domain, participant_qos, nullptr), "joining the domain");
+    DdsQos partition;
+    const char* names[] = {settings.booth.c_str()};
+    dds_qset_partition(partition, 1, names);
+    publisher_ = dds_check(dds_create_publisher(participant_, partition, nullptr), "making a publisher");
+    subscriber_ = dds_check(dds_create_subscriber(participant_, partition, nullptr), "making a subscriber");
+  } catch (...) {
+    close();
+    throw;
+  }
+}
+
+DdsParticipant::~DdsParticipant() { close(); }
+
+void DdsParticipant::close() {
+  if (participant_ > 0) dds_delete(participant_);
+  if (domain_ > 0) dds_delete(domain_);
+}
+
+}  // namespace booth::daemon

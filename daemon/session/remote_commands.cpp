@@ -1,0 +1,32 @@
+// Start and stop as the buttons do; the rest is said not to be there.
+#include "daemon/session/remote_commands.hpp"
+
+namespace booth::daemon {
+namespace {
+
+DdsAnswer request(SessionEvent event, Controller& controller) {
+  const ControlAnswer answer = controller.request(event, "dds");
+  return {answer.accepted, wire_state(answer.state), answer.text};
+}
+
+DdsAnswer not_supported(const char* what, const Controller& controller) {
+  return {false, wire_state(controller.state()), std::string(what) + " is not supported yet by this version"};
+}
+
+}  // namespace
+
+DdsAnswer answer_remote_command(DdsCommand command, Controller& controller) {
+  switch (command) {
+    case DdsCommand::start:
+      return request(SessionEvent::start, controller);
+    case DdsCommand::stop:
+      return request(SessionEvent::stop, controller);
+    case DdsCommand::calibrate:
+      return not_supported("calibrate", controller);
+    case DdsCommand::snapshot:
+      return not_supported("snapshot", controller);
+  }
+  return not_supported("this command", controller);
+}
+
+}  // namespace booth::daemon
