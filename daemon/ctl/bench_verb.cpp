@@ -63,7 +63,8 @@ void add_bench_verb(CLI::App& app) {
     const char *name, *what;
   };
   for (const Task task :
-       {Task{"decode", "Kinect v2 depth decoder, each kernel against the scalar reference"},
+       {Task{"dds", "Publish to take of a skeleton between two processes, against ddsperf's ping of the same size"},
+        Task{"decode", "Kinect v2 depth decoder, each kernel against the scalar reference"},
         Task{"track", "Preset booth: a tracked frame and a first estimate on one core, and their errors"},
         Task{"fit", "Presets booth and paper against pagmo, nlopt and Ceres: error against time"},
         Task{"pipeline", "Four cameras from memory through the live pipeline to DDS: latency by stage, losses"},

@@ -19,6 +19,7 @@ int main(int argc, char** argv) {
   add_press_verb(app);
   add_doctor_verb(app);
   add_watch_verb(app);
+  add_fleet_verb(app);
   add_track_verb(app);
   add_fit_verb(app);
   add_simulate_verb(app);

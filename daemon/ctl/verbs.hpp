@@ -21,6 +21,7 @@ void add_doctor_verb(CLI::App& app);       ///< doctor
 void add_start_stop_verbs(CLI::App& app);  ///< start, stop
 void add_press_verb(CLI::App& app);        ///< press
 void add_watch_verb(CLI::App& app);        ///< watch
+void add_fleet_verb(CLI::App& app);        ///< fleet
 void add_track_verb(CLI::App& app);        ///< track
 void add_bench_verb(CLI::App& app);        ///< bench signature
 void add_evaluate_verb(CLI::App& app);     ///< evaluate

@@ -1,4 +1,4 @@
-// boothctl watch: the live skeleton in a terminal, or plain lines in a pipe.
+// boothctl watch: live skeletons in a terminal, or plain lines in a pipe; of this machine's boothd, or of booths on the network.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -11,8 +11,10 @@
 #include <thread>
 
 #include "daemon/ctl/control_client.hpp"
+#include "daemon/ctl/network_options.hpp"
 #include "daemon/ctl/stick_figure.hpp"
 #include "daemon/ctl/verbs.hpp"
+#include "daemon/ctl/watch_network.hpp"
 #include "fit/body/skeleton.hpp"
 
 namespace booth::daemon {
@@ -22,8 +24,10 @@ using Json = nlohmann::json;
 using Joints = std::array<std::array<double, 3>, 24>;
 
 struct Options {
-  std::string socket;
+  std::string socket, booth;
+  NetworkOptions network;
   double seconds = 0;
+  bool json = false;
 };
 
 std::string summary(const Json& s, double elapsed) {
@@ -43,6 +47,8 @@ std::string joints_line(const Joints& j) {
 }
 
 void run(const Options& options) {
+  if (!options.booth.empty()) return watch_network({.settings = network_settings(options.network, options.booth), .seconds = options.seconds, .json = options.json});
+  if (options.json) throw VerbFailure("--json goes with the name of a booth on the network, or '*'", 64);
   ControlClient client(control_socket_path(options.socket));
   const bool terminal = ::isatty(STDOUT_FILENO);
   const auto begin = std::chrono::steady_clock::now();
@@ -75,6 +81,9 @@ void run(const Options& options) {
 void add_watch_verb(CLI::App& app) {
   auto options = std::make_shared<Options>();
   CLI::App* verb = app.add_subcommand("watch", "The live skeleton: a figure on a terminal, lines in a pipe (booth frame, metres)");
+  verb->add_option("booth", options->booth, "A booth on the network, or '*' for all of them; without it the boothd of this machine");
+  add_network_options(*verb, options->network);
+  verb->add_flag("--json", options->json, "With a booth: one JSON object for each skeleton");
   verb->add_option("--socket", options->socket, "Control socket of boothd");
   verb->add_option("--seconds", options->seconds, "End after so many seconds; 0: when interrupted")->check(CLI::Range(0.0, 86400.0));
   verb->callback([options] { run(*options); });

@@ -53,8 +53,8 @@ struct SessionOutcome {
 std::string_view to_string(SessionState s);
 std::string_view to_string(SessionEvent e);
 
-/// The state as DDS knows it (booth.idl, SessionState): a countdown is idle there, because nobody is captured yet.
-constexpr std::uint8_t wire_state(SessionState s) { return s == SessionState::countdown ? 0 : static_cast<std::uint8_t>(s); }
+/// The state as DDS knows it: booth.idl has the same names in the same order.
+constexpr std::uint8_t wire_state(SessionState s) { return static_cast<std::uint8_t>(s); }
 
 /// One cell of the table, before latch, guard time and knowledge of the body are looked at.
 SessionOutcome session_transition(SessionState state, SessionEvent event);

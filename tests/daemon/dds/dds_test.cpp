@@ -7,9 +7,10 @@
 #include <cstring>
 #include <thread>
 
-#include "booth.h"
 #include "daemon/dds/dds_link.hpp"
 #include "drivers/clock/system_clock.hpp"
+#include "tests/daemon/dds/peer.hpp"
+#include "tests/daemon/support/fake_booth.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -17,58 +18,16 @@ namespace {
 using namespace std::chrono_literals;
 using ::testing::HasSubstr;
 
-const DdsSettings kSettings{.booth = "test-booth", .domain = 77, .interface = "lo", .multicast = false, .peers = {}};
+using tests::has_reader;
+using tests::has_writer;
+using tests::take;
 
-/// Another program on the domain.
-class Peer {
- public:
-  explicit Peer(const char* partition = "test-booth") : participant_(dds_create_participant(77, nullptr, nullptr)) {
-    dds_qos_t* qos = dds_create_qos();
-    dds_qset_partition(qos, 1, &partition);
-    subscriber_ = dds_create_subscriber(participant_, qos, nullptr);
-    publisher_ = dds_create_publisher(participant_, qos, nullptr);
-    dds_delete_qos(qos);
-  }
-  ~Peer() { dds_delete(participant_); }
+const DdsSettings kSettings = tests::loopback("test-booth");
 
-  dds_entity_t reader(const dds_topic_descriptor_t& type, const char* topic, bool reliable, bool transient) {
-    dds_qos_t* qos = dds_create_qos();
-    dds_qset_reliability(qos, reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT, DDS_SECS(1));
-    if (transient) dds_qset_durability(qos, DDS_DURABILITY_TRANSIENT_LOCAL);
-    dds_qset_history(qos, DDS_HISTORY_KEEP_LAST, 100);
-    const dds_entity_t out = dds_create_reader(subscriber_, dds_create_topic(participant_, &type, topic, nullptr, nullptr), qos, nullptr);
-    dds_delete_qos(qos);
-    return out;
-  }
-  dds_entity_t command_writer() {
-    dds_qos_t* qos = dds_create_qos();
-    dds_qset_reliability(qos, DDS_RELIABILITY_RELIABLE, DDS_SECS(1));
-    const dds_entity_t out =
-        dds_create_writer(publisher_, dds_create_topic(participant_, &booth_msg_Command_desc, "booth/command", nullptr, nullptr), qos, nullptr);
-    dds_delete_qos(qos);
-    return out;
-  }
-
-  dds_entity_t participant_, subscriber_, publisher_;
+struct Peer : tests::Peer {
+  explicit Peer(const char* partition = "test-booth") : tests::Peer(partition) {}
+  dds_entity_t command_writer() { return writer(booth_msg_Command_desc, "booth/command"); }
 };
-
-/// Takes one sample within five seconds and lets `look` see it; false when none came.
-template <class T, class F>
-bool take(dds_entity_t reader, F look, std::chrono::milliseconds limit = 5s) {
-  const auto deadline = std::chrono::steady_clock::now() + limit;
-  while (std::chrono::steady_clock::now() < deadline) {
-    void* samples[1] = {nullptr};
-    dds_sample_info_t info[1];
-    if (dds_take(reader, samples, info, 1, 1) == 1) {
-      const bool valid = info[0].valid_data;
-      if (valid) look(*static_cast<const T*>(samples[0]));
-      dds_return_loan(reader, samples, 1);
-      if (valid) return true;
-    }
-    std::this_thread::sleep_for(2ms);
-  }
-  return false;
-}
 
 struct DdsTest : ::testing::Test {
   drivers::SystemClock clock;
@@ -163,11 +122,15 @@ TEST_F(DdsTest, BodyAndStatusReachLateJoiners) {
   body.model_version = "men 1";
   body.beta = {1, 2, 3};
   body.bone_lengths[5] = 0.4;
-  body.measurements = {{"stature", 1.8}};
+  body.measurements = {{.name = "stature", .unit = "m", .value = 1.8, .deviation = 0.01}};
   link.publish(body);
   StatusSample status;
   status.state = 3;
   status.alarm = std::string(500, 'a');
+  for (int i = 0; i < 20; ++i) status.faults.emplace_back("disk", "fault " + std::to_string(i));
+  status.software = "boothd 1";
+  status.calibration_age_s = 5;
+  status.disk_free_bytes = 7;
   status.cameras.push_back({.name = "front-left", .state = "running", .fps = 30, .delivered = 9, .dropped = 1, .restarts = 2});
   link.publish(status);
 
@@ -179,10 +142,20 @@ TEST_F(DdsTest, BodyAndStatusReachLateJoiners) {
     EXPECT_EQ(b.bone_lengths[5], 0.4);
     ASSERT_EQ(b.measurements._length, 1u);
     EXPECT_STREQ(b.measurements._buffer[0].name, "stature");
+    EXPECT_STREQ(b.measurements._buffer[0].unit, "m");
+    EXPECT_EQ(b.measurements._buffer[0].value, 1.8);
+    EXPECT_EQ(b.measurements._buffer[0].deviation, 0.01);
+    EXPECT_EQ(b.version, booth_msg_VERSION);
   }));
   EXPECT_TRUE(take<booth_msg_Status>(late.reader(booth_msg_Status_desc, "booth/status", true, true), [](const booth_msg_Status& s) {
     EXPECT_EQ(s.state, booth_msg_STATE_SEARCHING);
     EXPECT_EQ(std::string(s.alarm), std::string(160, 'a')) << "cut at the bound";
+    ASSERT_EQ(s.faults._length, 8u) << "the first that fit";
+    EXPECT_STREQ(s.faults._buffer[7].text, "fault 7");
+    EXPECT_STREQ(s.software, "boothd 1");
+    EXPECT_EQ(s.calibration_age_s, 5);
+    EXPECT_EQ(s.calibration_residual, -1);
+    EXPECT_EQ(s.disk_free_bytes, 7);
     ASSERT_EQ(s.cameras._length, 1u);
     EXPECT_STREQ(s.cameras._buffer[0].name, "front-left");
     EXPECT_EQ(s.cameras._buffer[0].restarts, 2u);
@@ -194,43 +167,39 @@ TEST_F(DdsTest, CommandsAreAnsweredWithTheirId) {
   const dds_entity_t replies = peer.reader(booth_msg_Reply_desc, "booth/reply", true, false);
   const dds_entity_t writer = peer.command_writer();
   // Volatile writers do not repeat for whom they have not met: wait for both directions.
-  for (int i = 0; i < 1000; ++i) {
-    dds_publication_matched_status_t matched{};
-    dds_get_publication_matched_status(writer, &matched);
-    dds_subscription_matched_status_t heard{};
-    dds_get_subscription_matched_status(replies, &heard);
-    if (matched.current_count > 0 && heard.current_count > 0) break;
-    std::this_thread::sleep_for(5ms);
+  ASSERT_TRUE(tests::eventually([&] { return has_reader(writer) && has_writer(replies); }, 60s));
+  const auto start = tests::command("test-booth", "console", 77, booth_msg_COMMAND_START);
+  for (int i = 0; i < 2; ++i) {
+    ASSERT_EQ(dds_write(writer, &start), 0);
+    EXPECT_TRUE(take<booth_msg_Reply>(replies, [&](const booth_msg_Reply& r) {
+      EXPECT_EQ(r.id, 77u);
+      EXPECT_STREQ(r.sender, "console");
+      EXPECT_TRUE(r.accepted);
+      EXPECT_EQ(r.repeated, i == 1);
+      EXPECT_EQ(r.state, booth_msg_STATE_ESTIMATING);
+    }));
   }
-  booth_msg_Command command{};
-  std::strcpy(command.booth, "test-booth");
-  command.id = 77;
-  command.kind = booth_msg_COMMAND_START;
-  ASSERT_EQ(dds_write(writer, &command), 0);
-  EXPECT_TRUE(take<booth_msg_Reply>(replies, [](const booth_msg_Reply& r) {
-    EXPECT_EQ(r.id, 77u);
-    EXPECT_TRUE(r.accepted);
-    EXPECT_EQ(r.state, booth_msg_STATE_ESTIMATING);
-  }));
-  command.id = 78;
-  command.kind = booth_msg_COMMAND_STOP;
-  ASSERT_EQ(dds_write(writer, &command), 0);
+  const auto stop = tests::command("test-booth", "console", 78, booth_msg_COMMAND_STOP);
+  ASSERT_EQ(dds_write(writer, &stop), 0);
   EXPECT_TRUE(take<booth_msg_Reply>(replies, [](const booth_msg_Reply& r) {
     EXPECT_EQ(r.id, 78u);
     EXPECT_FALSE(r.accepted);
     EXPECT_STREQ(r.text, "no session is running");
   }));
-  EXPECT_EQ(starts, 1);
+  EXPECT_EQ(starts, 1) << "the second was the same command";
   EXPECT_EQ(stops, 1);
 }
 
 TEST_F(DdsTest, AnotherBoothsCommandsAreNotHeard) {
-  Peer other("other-booth");
-  const dds_entity_t writer = other.command_writer();
-  booth_msg_Command command{};
-  std::strcpy(command.booth, "other-booth");
-  ASSERT_EQ(dds_write(writer, &command), 0);
-  std::this_thread::sleep_for(300ms);
+  Peer peer, other("other-booth");
+  const dds_entity_t writer = peer.command_writer(), elsewhere = other.command_writer();
+  ASSERT_TRUE(tests::eventually([&] { return has_reader(writer); }, 60s));
+  const auto theirs = tests::command("other-booth", "console", 1, booth_msg_COMMAND_START);
+  ASSERT_EQ(dds_write(elsewhere, &theirs), 0) << "in the other partition";
+  ASSERT_EQ(dds_write(writer, &theirs), 0) << "in ours, under the other's name";
+  const auto ours = tests::command("test-booth", "console", 2, booth_msg_COMMAND_STOP);
+  ASSERT_EQ(dds_write(writer, &ours), 0);
+  ASSERT_TRUE(tests::eventually([&] { return stops == 1; }, 60s));
   EXPECT_EQ(starts, 0);
 }
 
