@@ -65,7 +65,8 @@ struct ShutdownFirst {
 /// When the calibration that the cameras use was written; 0 where there is none.
 std::int64_t calibrated_utc_ns(const Config& config) {
   struct stat file {};
-  if (config.cameras.driver != "kinect2" || config.cameras.kinect2.calibration.empty() || ::stat(config.cameras.kinect2.calibration.c_str(), &file) != 0) return 0;
+  if (config.cameras.driver != "kinect2" || config.cameras.kinect2.calibration.empty() || ::stat(config.cameras.kinect2.calibration.c_str(), &file) != 0)
+    return 0;
   return static_cast<std::int64_t>(file.st_mtim.tv_sec) * 1'000'000'000 + file.st_mtim.tv_nsec;
 }
 

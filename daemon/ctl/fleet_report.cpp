@@ -14,7 +14,9 @@ std::string known(double value, const char* format) { return std::isfinite(value
 
 std::string age(double seconds) {
   if (!std::isfinite(seconds) || seconds < 0) return "-";
-  return seconds < 2 * 3600 ? fmt::format("{:.0f} min", seconds / 60) : seconds < 2 * 86400 ? fmt::format("{:.0f} h", seconds / 3600) : fmt::format("{:.0f} d", seconds / 86400);
+  return seconds < 2 * 3600    ? fmt::format("{:.0f} min", seconds / 60)
+         : seconds < 2 * 86400 ? fmt::format("{:.0f} h", seconds / 3600)
+                               : fmt::format("{:.0f} d", seconds / 86400);
 }
 
 std::string cameras(const StatusSample& s) {
@@ -52,8 +54,8 @@ std::vector<FleetRow> fleet_rows(const std::map<std::string, HeardBooth>& booths
 std::string fleet_table(const std::vector<FleetRow>& rows) {
   std::size_t width = 5;
   for (const auto& row : rows) width = std::max(width, printable(row.id).size());
-  std::string out = fmt::format("{:<{}}  {:<10} {:>8} {:>8} {:>9} {:>11} {:>12}  {}\n", "booth", width, "state", "cameras", "frames/s", "residual", "calibration",
-                                "disk free", "faults");
+  std::string out = fmt::format("{:<{}}  {:<10} {:>8} {:>8} {:>9} {:>11} {:>12}  {}\n", "booth", width, "state", "cameras", "frames/s", "residual",
+                                "calibration", "disk free", "faults");
   for (const auto& row : rows) {
     std::string figures = fmt::format("{:>8} {:>8} {:>9} {:>11} {:>12}", "-", "-", "-", "-", "-");
     if (row.heard && row.heard->status_known) {

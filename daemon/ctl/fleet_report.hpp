@@ -11,8 +11,8 @@ namespace booth::daemon {
 
 struct FleetRow {
   std::string id;
-  std::string state;                 ///< as boothctl status says it, or "gone", "missing"
-  std::vector<std::string> reasons;  ///< why it is unwell; empty: it is well
+  std::string state;                  ///< as boothctl status says it, or "gone", "missing"
+  std::vector<std::string> reasons;   ///< why it is unwell; empty: it is well
   const HeardBooth* heard = nullptr;  ///< null for a booth that was expected and not heard
 };
 

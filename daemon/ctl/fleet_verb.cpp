@@ -55,7 +55,8 @@ void run(const Options& options) {
 
 void add_fleet_verb(CLI::App& app) {
   auto options = std::make_shared<Options>();
-  CLI::App* verb = app.add_subcommand("fleet", "All booths of the network: state, cameras, frames/s, residual, calibration, disk, faults. Exit status 1 when one is unwell");
+  CLI::App* verb =
+      app.add_subcommand("fleet", "All booths of the network: state, cameras, frames/s, residual, calibration, disk, faults. Exit status 1 when one is unwell");
   add_network_options(*verb, options->network);
   verb->add_option("--expect", options->expected, "Names of booths that must be there; ends as soon as all were heard")->delimiter(',');
   verb->add_option("--seconds", options->seconds, "How long to listen")->check(CLI::Range(0.1, 3600.0))->capture_default_str();

@@ -47,7 +47,8 @@ std::string joints_line(const Joints& j) {
 }
 
 void run(const Options& options) {
-  if (!options.booth.empty()) return watch_network({.settings = network_settings(options.network, options.booth), .seconds = options.seconds, .json = options.json});
+  if (!options.booth.empty())
+    return watch_network({.settings = network_settings(options.network, options.booth), .seconds = options.seconds, .json = options.json});
   if (options.json) throw VerbFailure("--json goes with the name of a booth on the network, or '*'", 64);
   ControlClient client(control_socket_path(options.socket));
   const bool terminal = ::isatty(STDOUT_FILENO);

@@ -30,7 +30,7 @@ struct HeardBooth {
   bool twice = false;    ///< two living writers use this name
   StatusSample status;
   HeardSkeleton skeleton;
-  std::int64_t status_utc_ns = 0;                ///< the booth's clock when it sent its status
+  std::int64_t status_utc_ns = 0;                   ///< the booth's clock when it sent its status
   std::uint64_t skeletons = 0, skeletons_lost = 0;  ///< heard, and missing in the row of serial numbers
 };
 

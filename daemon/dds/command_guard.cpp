@@ -73,11 +73,7 @@ std::optional<GuardedAnswer> CommandGuard::handle(const RemoteCommand& command, 
   }
   Done& done = done_[next_];
   next_ = (next_ + 1) % done_.size();
-  done = {.sender = command.sender,
-          .id = command.id,
-          .kind = command.kind,
-          .answer = carry_out_(static_cast<DdsCommand>(command.kind)),
-          .when = now};
+  done = {.sender = command.sender, .id = command.id, .kind = command.kind, .answer = carry_out_(static_cast<DdsCommand>(command.kind)), .when = now};
   return GuardedAnswer{.answer = done.answer};
 }
 

@@ -38,8 +38,8 @@ struct GuardedAnswer {
 /// Bounded in memory and time whatever comes in. Not thread-safe: it belongs to the thread that hears commands.
 class CommandGuard {
  public:
-  static constexpr std::int64_t kWindowNs = 30'000'000'000;  ///< how far a command's time may be from the booth's
-  static constexpr double kPerSecond = 2, kBurst = 5;        ///< commands of one writer
+  static constexpr std::int64_t kWindowNs = 30'000'000'000;   ///< how far a command's time may be from the booth's
+  static constexpr double kPerSecond = 2, kBurst = 5;         ///< commands of one writer
   static constexpr double kAllPerSecond = 8, kAllBurst = 20;  ///< of all writers together
   static constexpr std::size_t kWriters = 64;
 

@@ -41,14 +41,15 @@ struct StatusSample {
   std::vector<Camera> cameras;                              ///< at most 8
   std::uint64_t frames = 0, groups_dropped = 0;
   float fps = 0, latency_p50_ms = 0, latency_p99_ms = 0, residual = 0;
-  double calibration_age_s = -1, calibration_residual = -1;    ///< negative: not known
+  double calibration_age_s = -1, calibration_residual = -1;  ///< negative: not known
   std::int64_t disk_free_bytes = -1, disk_total_bytes = -1;  ///< negative: not known
 };
 
 /// Topics, types and quality of service: docs/reference/dds.md. Public functions are thread-safe; none waits for a reader.
 class DdsLink {
  public:
-  /// `on_command` is called on a thread of the link's own, at most 8 times a second, for commands that CommandGuard lets through. Throws std::runtime_error naming what DDS refused and which key to look at.
+  /// `on_command` is called on a thread of the link's own, at most 8 times a second, for commands that CommandGuard lets through. Throws std::runtime_error
+  /// naming what DDS refused and which key to look at.
   DdsLink(const DdsSettings& settings, hal::Clock& clock, std::function<DdsAnswer(DdsCommand)> on_command);
   ~DdsLink();
   DdsLink(const DdsLink&) = delete;

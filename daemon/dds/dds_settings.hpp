@@ -10,7 +10,7 @@ namespace booth::daemon {
 struct DdsSettings {
   std::string booth = "booth";  ///< partition; of a listener "*" or one booth's
   std::uint32_t domain = 0;
-  std::string interface{};  ///< name or address; empty: the library chooses
+  std::string interface {};  ///< name or address; empty: the library chooses
   bool multicast = true;
   std::vector<std::string> peers{};
 };

@@ -1,14 +1,36 @@
 // Domain, participant and partition, from the settings.
 #include "daemon/dds/participant.hpp"
 
+#include <dds/ddsrt/log.h>
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <mutex>
 #include <stdexcept>
 
 #include "daemon/dds/topics.hpp"
+#include "daemon/health/log.hpp"
 
 namespace booth::daemon {
 namespace {
+
+/// The library's own complaints: whoever sends garbage would otherwise write our log. One line in ten seconds, the others are counted.
+void log_of_library(void*, const dds_log_data_t* data) {
+  static std::atomic<std::int64_t> next{0};
+  static std::atomic<std::uint64_t> held_back{0};
+  const std::int64_t now = std::chrono::steady_clock::now().time_since_epoch() / std::chrono::milliseconds(1);
+  std::int64_t due = next.load();
+  if (now < due || !next.compare_exchange_strong(due, now + 10'000)) {
+    held_back.fetch_add(1);
+    return;
+  }
+  std::string text(data->message, std::min<std::size_t>(data->size, 200));
+  while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
+  const std::uint64_t others = held_back.exchange(0);
+  log_line(LogLevel::warning, fmt::format("DDS: {}{}", text, others ? fmt::format(" ({} more lines before this one)", others) : ""));
+}
 
 bool is_address(const std::string& text) { return text.find_first_not_of("0123456789.") == std::string::npos || text.find(':') != std::string::npos; }
 
@@ -40,6 +62,8 @@ std::string dds_configuration(const DdsSettings& settings) {
 }
 
 DdsParticipant::DdsParticipant(const DdsSettings& settings) {
+  static std::once_flag once;
+  std::call_once(once, [] { dds_set_log_sink(log_of_library, nullptr); });
   try {
     domain_ = dds_create_domain(settings.domain, dds_configuration(settings).c_str());
     // Another part of this process may have opened the domain already (tests do); its configuration then holds.

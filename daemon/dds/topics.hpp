@@ -30,7 +30,7 @@ class DdsQos {
 };
 
 inline constexpr std::int64_t kSkeletonDeadline = DDS_MSECS(100), kSkeletonLease = DDS_MSECS(500);
-inline constexpr int kHistory = 1000;        ///< samples of booth/event and of booth/reply that wait for a slow reader; the oldest go first
+inline constexpr int kHistory = 1000;       ///< samples of booth/event and of booth/reply that wait for a slow reader; the oldest go first
 inline constexpr int kCommandHistory = 32;  ///< commands that wait for the booth
 
 /// Fills `qos` with what the booth's end of the topic uses.

@@ -29,7 +29,8 @@ void add_faults(StatusSample& out, const DaemonStatus& s) {
   if (s.latched) add("panel", "the emergency stop is pressed");
   if (s.paused) add("cameras", "too few cameras deliver; the fit is paused");
   for (const auto& c : s.cameras)
-    if (c.state != CameraState::running) add("cameras", fmt::format("camera {} is {}{}{}", c.name, to_string(c.state), c.problem.empty() ? "" : ": ", c.problem));
+    if (c.state != CameraState::running)
+      add("cameras", fmt::format("camera {} is {}{}{}", c.name, to_string(c.state), c.problem.empty() ? "" : ": ", c.problem));
   if (!s.backend.problem.empty()) add("fit", fmt::format("{}: {}", s.backend.name, s.backend.problem));
   if (out.disk_free_bytes >= 0 && out.disk_free_bytes < kLowDisk)
     add("disk", fmt::format("only {} MB are free where sessions are kept", out.disk_free_bytes / 1'000'000));

@@ -124,7 +124,9 @@ TEST_F(HostileDds, AFloodOfCommandsIsHarmless) {
   for (int i = 0; i < 100 && !answered; ++i) {
     dds_write(writer, &mine);
     for (int k = 0; k < 200 && !answered; ++k)
-      if (!take<booth_msg_Reply>(replies, [&](const booth_msg_Reply& r) { answered = std::string(r.sender) == "honest" && r.accepted; }, 500ms)) break;
+      if (!take<booth_msg_Reply>(
+              replies, [&](const booth_msg_Reply& r) { answered = std::string(r.sender) == "honest" && r.accepted; }, 500ms))
+        break;
   }
   std::this_thread::sleep_for(500ms);
   stop = true;
@@ -155,15 +157,23 @@ TEST_F(HostileDds, BytesThatAreNoDdsAreHarmless) {
     ::sendto(fd, bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&to), sizeof to);
   }
   ::close(fd);
-  link.publish(daemon::StatusSample{.software = "still there"});
-  EXPECT_TRUE(take<booth_msg_Status>(status, [](const booth_msg_Status& s) { EXPECT_STREQ(s.software, "still there"); }, 60s));
+  daemon::StatusSample sample;
+  sample.software = "still there";
+  link.publish(sample);
+  EXPECT_TRUE(take<booth_msg_Status>(
+      status, [](const booth_msg_Status& s) { EXPECT_STREQ(s.software, "still there"); }, 60s));
 }
 
 TEST(Printable, NothingFromTheNetworkReachesTheTerminal) {
   EXPECT_EQ(daemon::printable("caf\xC3\xA9 1"), "caf\xC3\xA9 1");
   EXPECT_EQ(daemon::printable("\033[2Jx\r\n\a\x7F"), "?[2Jx????");
-  EXPECT_EQ(daemon::printable("\xC2\x9B" "2J"), "?2J") << "one byte that begins an escape sequence";
-  EXPECT_EQ(daemon::printable("\xFF\xC3" "a\xE2\x82"), "??a??");
+  EXPECT_EQ(daemon::printable("\xC2\x9B"
+                              "2J"),
+            "?2J")
+      << "one byte that begins an escape sequence";
+  EXPECT_EQ(daemon::printable("\xFF\xC3"
+                              "a\xE2\x82"),
+            "??a??");
   EXPECT_LE(daemon::printable(std::string(5000, 'a')).size(), 400u);
 }
 

@@ -82,7 +82,7 @@ TEST_P(Ear, MissesABoothWithinASecond) {
   std::cout << "missed after " << best.count() << " ms\n";
   EXPECT_LE(best, 1000ms);
 }
-INSTANTIATE_TEST_SUITE_P(Dds, Ear, ::testing::Values(SIGKILL, SIGSTOP), [](const auto& info) { return info.param == SIGKILL ? "Killed" : "Paused"; });
+INSTANTIATE_TEST_SUITE_P(Dds, Ear, ::testing::Values(SIGKILL, SIGSTOP), [](const auto& test) { return test.param == SIGKILL ? "Killed" : "Paused"; });
 
 TEST(DdsPresence, ManyBoothsOnOneDomainAreToldApart) {
   drivers::SystemClock clock;

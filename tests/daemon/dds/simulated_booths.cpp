@@ -1,6 +1,6 @@
 // Many booths in one light program: real DDS links with a skeleton that waves, and nothing behind them. For tests and to try a console.
-#include <csignal>
 #include <cmath>
+#include <csignal>
 #include <cstdlib>
 #include <iostream>
 #include <memory>
@@ -58,8 +58,9 @@ daemon::StatusSample status_of(std::size_t booth, std::uint64_t frames, bool unw
 
 int main(int argc, char** argv) {
   if (argc < 4) {
-    std::cerr << "usage: booth-simulated DOMAIN PREFIX COUNT [INTERFACE] [UNWELL]\n"
-                 "Publishes COUNT booths PREFIX0 ... at 30 skeletons/s on the loopback interface (or INTERFACE), the first UNWELL of them with a lost camera.\n";
+    std::cerr
+        << "usage: booth-simulated DOMAIN PREFIX COUNT [INTERFACE] [UNWELL]\n"
+           "Publishes COUNT booths PREFIX0 ... at 30 skeletons/s on the loopback interface (or INTERFACE), the first UNWELL of them with a lost camera.\n";
     return 64;
   }
   const auto domain = static_cast<std::uint32_t>(std::atoi(argv[1]));

@@ -13,7 +13,8 @@ int main(int argc, char** argv) {
   const char* booth = argv[2];
   const int ready = std::atoi(argv[3]);
   tests::Peer peer(booth, domain);
-  const std::vector<dds_entity_t> readers{peer.reader(booth_msg_Skeleton_desc, "booth/skeleton", false), peer.reader(booth_msg_Status_desc, "booth/status", true, true),
+  const std::vector<dds_entity_t> readers{peer.reader(booth_msg_Skeleton_desc, "booth/skeleton", false),
+                                          peer.reader(booth_msg_Status_desc, "booth/status", true, true),
                                           peer.reader(booth_msg_Event_desc, "booth/event", true), peer.reader(booth_msg_Reply_desc, "booth/reply", true)};
   for (int i = 0; i < 12000; ++i) {
     bool all = true;

@@ -21,9 +21,12 @@ int main(int argc, char** argv) {
     dds_sample_info_t info[1];
     while (dds_take(reader, sample, info, 1, 1) == 1) {
       const auto& s = *static_cast<const booth_msg_Skeleton*>(sample[0]);
-      if (!info[0].valid_data) std::printf("%s is gone\n", s.booth);
-      else if (s.person == booth_msg_PERSON_LOST) std::printf("%s: nobody\n", s.booth);
-      else std::printf("%s: head at %.3f %.3f %.3f m\n", s.booth, s.joints[23].position[0], s.joints[23].position[1], s.joints[23].position[2]);
+      if (!info[0].valid_data)
+        std::printf("%s is gone\n", s.booth);
+      else if (s.person == booth_msg_PERSON_LOST)
+        std::printf("%s: nobody\n", s.booth);
+      else
+        std::printf("%s: head at %.3f %.3f %.3f m\n", s.booth, s.joints[23].position[0], s.joints[23].position[1], s.joints[23].position[2]);
       std::fflush(stdout);
       dds_return_loan(reader, sample, 1);
       sample[0] = nullptr;
