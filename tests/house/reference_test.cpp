@@ -14,6 +14,7 @@
 
 #include "fit/body/skeleton.hpp"
 #include "tests/house/command.hpp"
+#include "tests/house/idl_page.hpp"
 
 namespace booth::tests {
 namespace {
@@ -67,6 +68,23 @@ std::string skeleton_page() {
 }
 
 TEST(Reference, SkeletonPageIsWhatTheCodeSays) { expect_page("docs/reference/skeleton.md", skeleton_page()); }
+
+std::string text_of(const std::string& path) {
+  std::ifstream in(std::string(BOOTH_SOURCE_DIR) + "/" + path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+TEST(Reference, DdsPageHasTheTypesOfTheIdl) {
+  // What stands above the marker is written by people.
+  const std::string marker = "<!-- From here on made from daemon/dds/idl/booth.idl by tests/house/reference_test.cpp; do not edit. -->\n";
+  const std::string page = text_of("docs/reference/dds.md");
+  const auto at = page.find(marker);
+  ASSERT_NE(at, std::string::npos);
+  const std::string types = types_of_idl(text_of("daemon/dds/idl/booth.idl"));
+  for (const char* row : {"### Skeleton\n", "| `q` | `double[DOFS]` |", "| `booth` | `string<32>` | key. ", "| `DOFS` | 36 |", "STATE_IDLE"})
+    EXPECT_NE(types.find(row), std::string::npos) << row;
+  expect_page("docs/reference/dds.md", page.substr(0, at) + marker + types);
+}
 
 TEST(Reference, DependenciesPageIsWhatTheListSays) {
   const CommandResult table = run_in_source_tree("toolchain/install-dependencies --table");
