@@ -8,20 +8,26 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <thread>
 
 #include "daemon/config/load.hpp"
 #include "daemon/ctl/control_protocol.hpp"
 #include "daemon/ctl/control_server.hpp"
 #include "daemon/ctl/panel_protocol.hpp"
 #include "daemon/dds/configured.hpp"
+#include "daemon/ctl/record_protocol.hpp"
 #include "daemon/dds/dds_link.hpp"
 #include "daemon/drivers_factory.gpio.hpp"
 #include "daemon/drivers_factory.hpp"
+#include "daemon/drivers_factory.recorder.hpp"
 #include "daemon/health/log.hpp"
 #include "daemon/health/notify.hpp"
 #include "daemon/health/progress_watch.hpp"
 #include "daemon/pipeline/fit_setup.hpp"
 #include "daemon/pipeline/pipeline.hpp"
+#include "daemon/record/booth_tap.hpp"
+#include "daemon/record/housekeeper.hpp"
+#include "daemon/record/retention.hpp"
 #include "daemon/session/controller.hpp"
 #include "daemon/session/panel_link.hpp"
 #include "daemon/session/remote_commands.hpp"
@@ -96,6 +102,23 @@ ControllerSettings controller_settings(const Config& config, const DepthSource& 
   return out;
 }
 
+Housekeeper::Settings housekeeping(const Config& config, hal::FlightRecorder& recorder, hal::Clock& clock) {
+  Housekeeper::Settings out;
+  out.prune = [&config, &clock] {
+    const std::int64_t now = clock.utc_now().time_since_epoch().count();
+    auto said = prune_sessions(config.session.directory, config.session.quota_bytes, config.session.max_age_days, now);
+    for (auto& line : prune_recordings(config.record.directory, config.record.quota_bytes, config.record.max_age_days, now)) said.push_back(std::move(line));
+    return said;
+  };
+  if (config.record.on_fault)
+    out.snapshot = [&recorder](const std::string& fault) {
+      const SnapshotAnswer answer = request_snapshot(recorder, "fault: " + fault);
+      return (answer.accepted ? "what led to it is being written to " : "what led to it is not written: ") + answer.text;
+    };
+  out.log = [](const std::string& line) { log_line(LogLevel::info, line); };
+  return out;
+}
+
 Pipeline::Settings pipeline_settings(const Config& config) {
   Pipeline::Settings out;
   out.minimum_cameras = static_cast<int>(config.cameras.minimum);
@@ -145,6 +168,12 @@ ExitStatus watch(const sigset_t& signals, const Pipeline& pipeline, const Contro
   }
 }
 
+/// What the last moments were, for whoever asks later; not for ever, because the disk may be what hangs.
+void save_black_box(hal::FlightRecorder& recorder) {
+  if (!request_snapshot(recorder, "a thread hangs").accepted) return;
+  for (int turn = 0; turn < 200 && recorder.status(false).snapshot.running; ++turn) std::this_thread::sleep_for(std::chrono::milliseconds(100));
+}
+
 void print_plan(const std::vector<MemoryItem>& plan) {
   std::size_t total = 0;
   std::cout << "\n# Memory taken before the first frame\n";
@@ -173,36 +202,53 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
                        fmt::format("{} has {} cameras, fewer than cameras.minimum = {}", source.name, source.cameras.size(), config.cameras.minimum));
   FitSetup fit = stage(kConfiguration, [&] { return make_fit_setup(config, source.cameras, source.background); });
 
-  Controller controller(controller_settings(config, source, fit), *source.clock);
   if (check_only) {
+    Controller controller(controller_settings(config, source, fit), *source.clock);
     Pipeline pipeline(pipeline_settings(config), source.cameras, *source.clock, *fit.fitter, controller);
     auto plan = pipeline.memory_plan();
     plan.push_back({"session log ring", SessionLog::memory_bytes()});
+    plan.push_back({"last moments (record.*)", recorder_memory(config, source)});
     print_plan(plan);
     return kStopped;
   }
+  for (const auto& line : recover_recordings(config)) log_line(LogLevel::warning, line);
+  const auto recorder = open_recorder(config, source);
+  tap_cameras(source.cameras, *recorder);
+  TappedFitter fitter(*fit.fitter, *recorder);
+  Housekeeper housekeeper(housekeeping(config, *recorder, *source.clock));
+  ControllerSettings settings = controller_settings(config, source, fit);
+  settings.on_event = [&](const std::string& kind, const std::string& from, const std::string& text) {
+    recorder->event(kind, from, text);
+    if (kind == "fault") housekeeper.fault(text);
+  };
+  Controller controller(std::move(settings), *source.clock);
   std::unique_ptr<DdsLink> dds;
   if (config.dds.enabled) {
     dds = stage(kUnavailable, [&] {
       return std::make_unique<DdsLink>(dds_settings(config), *source.clock, [&](DdsCommand command) { return answer_remote_command(command, controller); });
     });
   }
-  Pipeline pipeline(pipeline_settings(config), source.cameras, *source.clock, *fit.fitter, controller);
-  controller.run(pipeline, *fit.fitter, dds.get());
+  Pipeline pipeline(pipeline_settings(config), source.cameras, *source.clock, fitter, controller);
+  controller.run(pipeline, fitter, dds.get());
   const ShutdownFirst shutdown_first{controller};
   PanelParts panel;
   panel.device = open_panel(config, *source.clock);
   if (panel.device.panel) panel.link.emplace(*panel.device.panel, controller);
   const ControlServer server(config.control.socket, std::move(listener), [&](const std::string& line) {
     const auto about_panel = answer_panel_request(line, panel.device.visitor.get());
-    return about_panel ? *about_panel : answer_request(line, controller);
+    if (about_panel) return *about_panel;
+    if (auto answer = answer_record_request(line, *recorder)) return *std::move(answer);
+    return with_recorder(answer_request(line, controller), *recorder);
   });
   log_line(LogLevel::info,
            fmt::format("boothd {} is ready: {}; {} cameras; control socket {}", BOOTHD_VERSION, source.name, source.cameras.size(), config.control.socket));
   notify_ready("idle");
   const ExitStatus status = watch(signals, pipeline, controller, panel, *source.clock);
   notify_stopping();
-  if (status == kInternal) std::_Exit(kInternal);  // joining a hung thread would hang, too
+  if (status == kInternal) {
+    save_black_box(*recorder);
+    std::_Exit(kInternal);  // joining a hung thread would hang, too
+  }
   return status;
 }
 

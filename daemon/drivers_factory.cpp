@@ -23,7 +23,9 @@ DepthSource wrap(drivers::Source source, std::shared_ptr<hal::Clock> clock, std:
           .cameras = std::move(source.cameras),
           .truth = std::move(source.truth),
           .background = std::move(source.background),
-          .name = std::move(name)};
+          .name = std::move(name),
+          .live_groups = std::move(source.live.groups),
+          .to_live = source.live.to_live};
 }
 
 drivers::Person make_scene_person(const Config& config) {

@@ -8,6 +8,7 @@
 #include "daemon/config/config.hpp"
 #include "hal/clock.hpp"
 #include "hal/depth_camera.hpp"
+#include "hal/flight_recorder.hpp"
 #include "hal/ground_truth.hpp"
 
 namespace booth::daemon {
@@ -18,6 +19,8 @@ struct DepthSource {
   std::shared_ptr<const hal::GroundTruth> truth;  ///< null where nothing is known
   std::vector<hal::DepthFrame> background;        ///< of the empty booth
   std::string name;                               ///< for session.json
+  std::vector<hal::FittedGroup> live_groups{};    ///< of a recording: what the live booth did with its frames, where that is known
+  hal::Nanoseconds to_live{};                     ///< added to a frame's `captured`, as read at full speed, gives what it was live
 };
 
 /// What cameras.driver names, at its own pace unless the configuration says otherwise. Throws std::runtime_error or std::invalid_argument naming the

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "hal/depth_camera.hpp"
+#include "hal/flight_recorder.hpp"
 #include "hal/ground_truth.hpp"
 
 namespace booth::drivers {
@@ -16,10 +17,17 @@ enum class Pace : std::uint8_t {
          ///< Time stamps are as if real and start at Timeline::kFastOrigin, so that every run sees the same ones.
 };
 
+/// What the live booth did with the frames of a recording, where the recording says it.
+struct LiveGroups {
+  std::vector<hal::FittedGroup> groups{};  ///< in the order in which they were fitted
+  hal::Nanoseconds to_live{};            ///< added to a frame's `captured` at Pace::fast gives what it was live
+};
+
 struct Source {
   hal::DepthCameras cameras;
   std::shared_ptr<const hal::GroundTruth> truth;  ///< null where nothing is known
   std::vector<hal::DepthFrame> background;        ///< frames of the empty booth, of any camera, any number each
+  LiveGroups live{};
 };
 
 }  // namespace booth::drivers

@@ -65,6 +65,15 @@ struct Config {
     double debounce_ms = 20, stuck_seconds = 30;
   } gpio;
   struct {
+    bool depth = false, on_fault = true;
+    std::string directory = "/var/lib/boothd/recordings";
+    double memory_seconds = 30;
+    std::int64_t memory_bytes = 512 << 20;
+    std::int64_t keep_free_bytes = 1 << 30;
+    std::int64_t quota_bytes = 20'000'000'000;
+    std::int64_t max_age_days = 7;
+  } record;
+  struct {
     bool enabled = true;
     std::int64_t domain = 0;
     std::string interface;

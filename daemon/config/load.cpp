@@ -159,6 +159,7 @@ Config load_config(const ConfigSources& sources) {
   if (const char* run = std::getenv("RUNTIME_DIRECTORY"); run && *run) loader.config.control.socket = std::string(run) + "/control.sock";
   if (const char* state = std::getenv("STATE_DIRECTORY"); state && *state) {
     loader.config.session.directory = std::string(state) + "/sessions";
+    loader.config.record.directory = std::string(state) + "/recordings";
     loader.config.cameras.kinect2.cache = std::string(state) + "/kinect2";
   }
 

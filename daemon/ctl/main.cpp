@@ -21,6 +21,8 @@ int main(int argc, char** argv) {
   add_watch_verb(app);
   add_fleet_verb(app);
   add_track_verb(app);
+  add_record_verbs(app);
+  add_export_verbs(app);
   add_fit_verb(app);
   add_simulate_verb(app);
   add_model_verbs(app);

@@ -16,6 +16,7 @@
 #include "daemon/pipeline/fit_setup.hpp"
 #include "daemon/pipeline/latency_histogram.hpp"
 #include "daemon/pipeline/offline_run.hpp"
+#include "daemon/record/replay.hpp"
 #include "daemon/record/session_files.hpp"
 #include "fit/detail/detail_layer.hpp"
 
@@ -28,7 +29,7 @@ struct Options {
   Config config;
   std::string recording, out;
   int pictures = 0, rotate = 0;
-  bool json = false, detail = false;
+  bool json = false, detail = false, as_live = false;
 };
 
 /// Looks at frames that were fitted before, for the pictures.
@@ -105,6 +106,18 @@ void print_for_people(const SessionSummary& s, const fs::path& folder, double fi
   std::cout << "results in " << folder.string() << "\n";
 }
 
+/// The groups that were fitted live, and a word on whether the same came out.
+void replay(const Options& options, DepthSource& source, FrameFitter& fitter, const std::function<bool(const FitInput&, const FrameRecord&)>& take) {
+  if (source.live_groups.empty())
+    throw VerbFailure(fmt::format("{}: does not say what the live booth did with its frames; --as-live is for recordings of boothctl record --depth", options.recording));
+  const ReplayCounters c =
+      run_replay(source.cameras, source.live_groups, source.to_live, fitter, [&](const FitInput& input, const FrameRecord& record) { take(input, record); });
+  if (c.groups == 0)
+    throw VerbFailure(fmt::format("{}: no session begins in it, so that nothing can be fitted as it was live; without --as-live it can be tracked", options.recording));
+  std::cerr << fmt::format("{} of {} frames have the very bits of the live ones{}\n", c.identical, c.groups,
+                           c.skipped > 0 ? fmt::format("; {} were left out, because what led to them is not in the recording", c.skipped) : "");
+}
+
 void run(const Options& options) {
   DepthSource source = open_recording_source(options.recording);
   if (static_cast<int>(source.cameras.size()) > kMaxCameras)
@@ -119,7 +132,7 @@ void run(const Options& options) {
   std::string remark;
   DetailAverage detail;
   const bool terminal = ::isatty(STDERR_FILENO);
-  const OfflineCounters counters = run_offline(source.cameras, 1, *setup.fitter, [&](const FitInput&, const FrameRecord& record) {
+  const auto take = [&](const FitInput&, const FrameRecord& record) {
     frames.push_back(record);
     if (options.detail) detail.add(*setup.fitter);
     for (const Stage s : {Stage::cloud, Stage::fit})
@@ -129,7 +142,12 @@ void run(const Options& options) {
       std::cerr << fmt::format("\rframe {:5}  {:<9}  residual {:5.1f} mm ", record.sequence, record.person == PersonState::lost ? "lost" : "tracked",
                                1e3 * static_cast<double>(record.residual));
     return true;
-  });
+  };
+  OfflineCounters counters;
+  if (options.as_live)
+    replay(options, source, *setup.fitter, take);
+  else
+    counters = run_offline(source.cameras, 1, *setup.fitter, take);
   if (terminal) std::cerr << "\r\033[K";
   for (const auto& camera : source.cameras) {
     const hal::CameraCounters c = camera->counters();
@@ -187,6 +205,7 @@ void add_track_verb(CLI::App& app) {
   verb->add_option("--pictures", options->pictures, "Draw so many depth images with the fit over them")->check(CLI::Range(0, 1000));
   verb->add_option("--rotate", options->rotate, "Turn the pictures clockwise, for a camera that lies on its side")->check(CLI::IsMember({0, 90, 180, 270}));
   verb->add_flag("--detail", options->detail, "body.ply with folds, hair, shoes and clothes, averaged over the frames");
+  verb->add_flag("--as-live", options->as_live, "Fit the very groups of frames that boothd fitted when it made the recording, and compare");
   verb->add_flag("--json", options->json, "Print session.json");
   verb->callback([options] { run(*options); });
 }

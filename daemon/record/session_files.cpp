@@ -21,6 +21,7 @@
 #include "daemon/io/bvh_file.hpp"
 #include "daemon/io/csv_file.hpp"
 #include "daemon/io/mesh_file.hpp"
+#include "daemon/record/retention.hpp"
 #include "daemon/record/session_log.hpp"
 #include "daemon/record/truth_error.hpp"
 #include "fit/detail/detail_layer.hpp"
@@ -155,16 +156,6 @@ std::vector<SessionHappening> events_of(const Json& j) {
     if (e.is_object() && e.contains("utc_ns") && e["utc_ns"].is_number_integer())
       out.push_back({e["utc_ns"].get<std::int64_t>(), text_of(e, "kind"), text_of(e, "source"), text_of(e, "text")});
   return out;
-}
-
-std::uintmax_t folder_bytes(const fs::path& folder) {
-  std::uintmax_t sum = 0;
-  std::error_code error;
-  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-    std::error_code ignored;
-    if (it->is_regular_file(ignored)) sum += it->file_size(ignored);
-  }
-  return sum;
 }
 
 }  // namespace
@@ -335,31 +326,13 @@ std::vector<std::string> close_interrupted_sessions(const fs::path& directory, c
 }
 
 std::vector<std::string> prune_sessions(const fs::path& directory, std::int64_t quota_bytes, std::int64_t max_age_days, std::int64_t now_utc_ns) {
-  std::vector<std::string> said;
-  std::vector<fs::path> folders = session_folders(directory);
-  std::vector<std::uintmax_t> bytes;
-  std::uintmax_t total = 0;
-  for (const auto& folder : folders) total += bytes.emplace_back(folder_bytes(folder));
-  // The folder's name is its date: no clock of the file system is asked.
-  const std::string oldest_kept =
-      max_age_days > 0 ? fmt::format("{:%Y%m%dT%H%M%SZ}", utc_calendar(std::max<std::int64_t>(0, now_utc_ns - max_age_days * 86'400'000'000'000)))
-                       : std::string();
-  for (std::size_t i = 0; i < folders.size(); ++i) {
-    const std::string id = folders[i].filename().string();
-    const bool old = !oldest_kept.empty() && id.substr(0, 16) < oldest_kept;
-    const bool over = quota_bytes > 0 && total > static_cast<std::uintmax_t>(quota_bytes);
-    if (!old && !over) continue;
-    if (text_of(read_json(folders[i] / "session.json"), "result") == "running") continue;
-    std::error_code error;
-    fs::remove_all(folders[i], error);
-    if (error) {
-      said.push_back(fmt::format("session {} should be deleted, but cannot be: {}", id, error.message()));
-    } else {
-      total -= bytes[i];
-      said.push_back(fmt::format("session {} was deleted: {}", id, old ? "older than session.max_age_days" : "more than session.quota_bytes"));
-    }
-  }
-  return said;
+  const RetentionRule rule{.what = "session",
+                           .age_key = "session.max_age_days",
+                           .size_key = "session.quota_bytes",
+                           .quota_bytes = quota_bytes,
+                           .max_age_days = max_age_days,
+                           .deletable = [](const fs::path& folder) { return text_of(read_json(folder / "session.json"), "result") != "running"; }};
+  return prune_folders(directory, rule, now_utc_ns);
 }
 
 }  // namespace booth::daemon

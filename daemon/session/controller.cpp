@@ -316,6 +316,7 @@ void Controller::set_panel(PanelStatus panel) {
 
 void Controller::say_event(const std::string& kind, const std::string& source, const std::string& text) {
   story_.note({clock_.utc_now().time_since_epoch().count(), kind, source, text});
+  if (settings_.on_event) settings_.on_event(kind, source, text);
   if (dds_) dds_->publish_event(kind, source, text);
 }
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <deque>
 #include <filesystem>
+#include <functional>
 #include <future>
 #include <memory>
 #include <mutex>
@@ -37,6 +38,8 @@ struct ControllerSettings {
   std::shared_ptr<const hal::GroundTruth> truth;  ///< may be null
   std::int64_t calibrated_utc_ns = 0;             ///< when the cameras were calibrated; 0: not known
   double calibration_residual = -1;               ///< metres; negative: not known
+  /// Hears of everything that happens, on the controller's thread: kind, source, text. May be empty.
+  std::function<void(const std::string&, const std::string&, const std::string&)> on_event{};
 };
 
 /// Answer to a request.

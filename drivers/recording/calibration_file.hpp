@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "hal/depth_frame.hpp"
@@ -10,5 +11,14 @@ namespace booth::drivers {
 
 /// The [[camera]] tables in their order. Throws std::runtime_error naming file, line and key.
 std::vector<hal::CameraDescription> read_calibration(const std::filesystem::path& file);
+
+/// What a camera's table says besides its description; both may be empty.
+struct CalibrationFiles {
+  std::string folder;                   ///< of its pictures
+  std::vector<std::string> background;  ///< pictures of the empty room
+};
+
+/// Numbers are written so that reading them gives the same bits. `files` is empty or has one entry for each camera. Throws std::runtime_error.
+void write_calibration(const std::filesystem::path& file, const std::vector<hal::CameraDescription>& cameras, const std::vector<CalibrationFiles>& files = {});
 
 }  // namespace booth::drivers

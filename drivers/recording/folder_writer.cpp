@@ -5,6 +5,7 @@
 #include <fstream>
 #include <stdexcept>
 
+#include "drivers/recording/calibration_file.hpp"
 #include "drivers/recording/layouts.hpp"
 #include "drivers/recording/png16.hpp"
 #include "drivers/recording/staging.hpp"
@@ -14,40 +15,26 @@
 namespace booth::drivers {
 namespace {
 
-/// A TOML basic string.
-std::string quoted(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') out += '\\';
-    if (static_cast<unsigned char>(c) >= 0x20 && c != 0x7f) out += c;
-  }
-  return out + "\"";
-}
-
-/// A number that TOML reads as a float.
-std::string real(double value) {
-  std::string text = format_number(value);
-  return text.find_first_of(".e") == std::string::npos ? text + ".0" : text;
-}
-
 class FolderWriter final : public hal::DepthSink {
  public:
   FolderWriter(const std::filesystem::path& path, const std::vector<hal::CameraDescription>& cameras, const std::optional<TruthBody>& body,
                const std::vector<hal::DepthFrame>& background)
       : staging_(path), cameras_(cameras), beta_(body ? body->beta : std::vector<double>{}) {
-    std::vector<std::vector<std::string>> empty_room(cameras_.size());
+    std::vector<CalibrationFiles> files(cameras_.size());
     for (std::size_t i = 0; i < cameras_.size(); ++i) {
       std::filesystem::create_directory(folder(i));
+      files[i].folder = folder_name(i);
       index_.emplace_back(folder(i) / "depth.txt");
       index_.back() << "# timestamp_seconds filename\n";
     }
     for (const auto& frame : background) {
       const auto& k = camera_of(frame, cameras_).intrinsics;
       const auto i = static_cast<std::size_t>(hal::to_int(frame.camera));
-      empty_room[i].push_back("background_" + std::to_string(empty_room[i].size()) + ".png");
-      write_png16(folder(i) / empty_room[i].back(), k.width, k.height, frame.depth.data());
+      auto& names = files[i].background;
+      names.push_back("background_" + std::to_string(names.size()) + ".png");
+      write_png16(folder(i) / names.back(), k.width, k.height, frame.depth.data());
     }
-    write_calibration(empty_room);
+    write_calibration(staging_.folder() / "calibration.toml", cameras_, files);
     if (body) write_truth_ply(staging_.folder() / "truth.ply", *body);
     next_.resize(cameras_.size());
     last_.resize(cameras_.size());
@@ -84,31 +71,6 @@ class FolderWriter final : public hal::DepthSink {
   std::filesystem::path folder(std::size_t i) const { return staging_.folder() / folder_name(i); }
   void check(const std::ofstream& file) const {
     if (!file) throw std::runtime_error("cannot write in " + staging_.folder().string() + ": " + std::strerror(errno) + "; check the disk's space");
-  }
-
-  void write_calibration(const std::vector<std::vector<std::string>>& background) {
-    std::ofstream out(staging_.folder() / "calibration.toml");
-    out << "# World frame: x forward, y left, z up, metres, origin on the floor at the middle of the stage.\nversion = 1\n";
-    for (std::size_t i = 0; i < cameras_.size(); ++i) {
-      const auto& c = cameras_[i];
-      const auto& k = c.intrinsics;
-      out << "\n[[camera]]\nname = " << quoted(c.name) << "\nserial = " << quoted(c.serial) << "\nfolder = " << quoted(folder_name(i))
-          << "\nwidth = " << k.width << "\nheight = " << k.height << "\nfx = " << real(k.fx) << "\nfy = " << real(k.fy) << "\ncx = " << real(k.cx)
-          << "\ncy = " << real(k.cy) << "\ndistortion = [";
-      for (std::size_t j = 0; j < 5; ++j) out << (j > 0 ? ", " : "") << real(k.distortion[j]);
-      out << "]  # k1 k2 p1 p2 k3\ndepth_scale = " << real(c.depth_scale) << "  # metres per count; 0 = no measurement\nrate = " << real(c.nominal_rate)
-          << "\nbackground = [";
-      for (std::size_t j = 0; j < background[i].size(); ++j) out << (j > 0 ? ", " : "") << quoted(background[i][j]);
-      out << "]  # the empty room\ncamera_to_world = [\n";
-      for (std::size_t r = 0; r < 3; ++r) {
-        out << "  [";
-        for (std::size_t j = 0; j < 3; ++j) out << real(c.camera_to_world.rotation[3 * r + j]) << ", ";
-        out << real(c.camera_to_world.translation[r]) << "],\n";
-      }
-      out << "  [0.0, 0.0, 0.0, 1.0],\n]\n";
-    }
-    out.close();
-    check(out);
   }
 
   Staging staging_;

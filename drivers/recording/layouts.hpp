@@ -13,12 +13,13 @@ namespace booth::drivers {
 
 /// Throw std::runtime_error naming file, place and remedy.
 std::vector<RecordedCameraData> read_folder(const std::filesystem::path& path);
-std::vector<RecordedCameraData> read_rosbag2(const std::filesystem::path& path);
+/// `live`, where not null, gets what the live booth did with the frames, where the bag says it.
+std::vector<RecordedCameraData> read_rosbag2(const std::filesystem::path& path, LiveGroups* live = nullptr);
 
 std::unique_ptr<hal::DepthSink> write_folder(const std::filesystem::path& path, const std::vector<hal::CameraDescription>& cameras,
                                              const std::optional<TruthBody>& body, const std::vector<hal::DepthFrame>& background);
 std::unique_ptr<hal::DepthSink> write_rosbag2(const std::filesystem::path& path, const std::vector<hal::CameraDescription>& cameras,
-                                              const std::optional<TruthBody>& body, const std::vector<hal::DepthFrame>& background);
+                                              const std::optional<TruthBody>& body, const std::vector<hal::DepthFrame>& background, bool compressed);
 
 /// What any layout must hold to: finite intrinsics, a right-handed rotation (made exactly orthonormal here), sizes that 64 MiB of depth can have.
 /// Throws std::runtime_error beginning with `place`.

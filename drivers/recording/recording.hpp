@@ -21,9 +21,10 @@ enum class Layout : std::uint8_t { folder, rosbag2 };
 Source open_recording(const std::filesystem::path& path, Pace pace, std::shared_ptr<hal::Clock> clock, TruthSurface surface = {});
 
 /// Writes beside `path` under a temporary name; close() gives it its name. `path` must not exist. `body` is the truth's, where known.
-/// `background` holds frames of the empty booth (any camera, any number) to be stored as such.
+/// `background` holds frames of the empty booth (any camera, any number) to be stored as such. `compressed`: of a rosbag2, images are packed without loss.
 /// Throws std::runtime_error naming the path and the remedy.
 std::unique_ptr<hal::DepthSink> create_recording(const std::filesystem::path& path, Layout layout, const std::vector<hal::CameraDescription>& cameras,
-                                                 const std::optional<TruthBody>& body = {}, const std::vector<hal::DepthFrame>& background = {});
+                                                 const std::optional<TruthBody>& body = {}, const std::vector<hal::DepthFrame>& background = {},
+                                                 bool compressed = false);
 
 }  // namespace booth::drivers

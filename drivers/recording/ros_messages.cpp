@@ -6,13 +6,17 @@
 #include <cmath>
 
 #include "drivers/recording/cdr_reader.hpp"
+#include "drivers/recording/rvl.hpp"
 
 namespace booth::drivers::ros {
 namespace {
 
 using eprosima::fastcdr::Cdr;
 
-constexpr std::size_t kMaxTransforms = 10'000;
+constexpr std::size_t kMaxTransforms = 10'000, kMaxNames = 10'000;
+constexpr const char* kCompressedFormat = "16UC1; compressedDepth rvl";
+/// Before the RVL bytes: the transport's own header (a format number and two parameters, which RVL does not use), then columns and rows.
+constexpr std::size_t kRvlPrefix = 12 + 8;
 
 class Message {
  public:
@@ -88,6 +92,39 @@ void image(const hal::CameraDescription& camera, hal::UtcTime stamp, const std::
   m.finish(out);
 }
 
+void compressed_image(const hal::CameraDescription& camera, hal::UtcTime stamp, const std::string& frame_id, std::span<const std::byte> packed, Bytes& out) {
+  Message m(packed.size() + frame_id.size() + 256);
+  m.header(stamp, frame_id);
+  m.cdr() << std::string(kCompressedFormat) << static_cast<std::uint32_t>(kRvlPrefix + packed.size());
+  std::array<std::uint32_t, kRvlPrefix / 4> prefix{0, 0, 0, static_cast<std::uint32_t>(camera.intrinsics.width), static_cast<std::uint32_t>(camera.intrinsics.height)};
+  m.cdr().serializeArray(reinterpret_cast<const std::uint8_t*>(prefix.data()), kRvlPrefix);
+  m.cdr().serializeArray(reinterpret_cast<const std::uint8_t*>(packed.data()), packed.size());
+  m.finish(out);
+}
+
+void string(const std::string& text, Bytes& out) {
+  Message m(text.size() + 64);
+  m.cdr() << text;
+  m.finish(out);
+}
+
+void joint_state(hal::UtcTime stamp, const std::string& frame_id, std::span<const std::string> names, std::span<const double> positions, Bytes& out) {
+  std::size_t text = 0;
+  for (const auto& n : names) text += n.size() + 8;
+  Message m(text + 8 * positions.size() + frame_id.size() + 256);
+  m.header(stamp, frame_id);
+  m.cdr() << std::vector<std::string>(names.begin(), names.end()) << std::vector<double>(positions.begin(), positions.end());
+  m.cdr() << std::vector<double>{} << std::vector<double>{};  // velocity, effort
+  m.finish(out);
+}
+
+void integers(std::span<const std::int64_t> values, Bytes& out) {
+  Message m(8 * values.size() + 256);
+  m.cdr() << std::uint32_t{1} << std::string("values") << static_cast<std::uint32_t>(values.size()) << static_cast<std::uint32_t>(values.size())
+          << std::uint32_t{0} << std::vector<std::int64_t>(values.begin(), values.end());
+  m.finish(out);
+}
+
 void camera_info(const hal::CameraDescription& camera, hal::UtcTime stamp, const std::string& frame_id, Bytes& out) {
   const auto& k = camera.intrinsics;
   Message m(frame_id.size() + 1024);
@@ -143,6 +180,54 @@ bool read_image(std::span<const std::byte> message, int width, int height, std::
       for (std::size_t x = 0; x < columns; ++x) row[x] = static_cast<std::uint16_t>(row[x] << 8 | row[x] >> 8);
   }
   return true;
+}
+
+bool read_compressed_image(std::span<const std::byte> message, int width, int height, std::vector<std::uint16_t>& depth) noexcept {
+  CdrReader in(message);
+  read_header(in);
+  const auto format = in.text();
+  const auto data = in.octets();
+  if (!in.ok() || format != kCompressedFormat || data.size() < kRvlPrefix) return false;
+  std::uint32_t columns, rows;
+  std::memcpy(&columns, data.data() + 12, 4);
+  std::memcpy(&rows, data.data() + 16, 4);
+  if (columns != static_cast<std::uint32_t>(width) || rows != static_cast<std::uint32_t>(height)) return false;
+  return rvl_unpack(data.subspan(kRvlPrefix), depth);
+}
+
+bool read_compressed_header(std::span<const std::byte> message, std::string& frame_id, std::string& format) {
+  CdrReader in(message);
+  frame_id = read_header(in).frame_id;
+  format = in.text();
+  return in.ok() && format == kCompressedFormat;
+}
+
+bool read_joint_state(std::span<const std::byte> message, std::span<double> positions) {
+  CdrReader in(message);
+  read_header(in);
+  const auto names = in.get<std::uint32_t>();
+  if (!in.ok() || names > kMaxNames) return false;
+  for (std::uint32_t i = 0; i < names && in.ok(); ++i) in.text();
+  if (in.get<std::uint32_t>() != positions.size()) return false;
+  for (double& p : positions) p = in.get<double>();
+  return in.ok();
+}
+
+bool read_integers(std::span<const std::byte> message, std::size_t most, std::vector<std::int64_t>& values) {
+  CdrReader in(message);
+  const auto dimensions = in.get<std::uint32_t>();
+  if (!in.ok() || dimensions > 16) return false;
+  for (std::uint32_t i = 0; i < dimensions; ++i) {
+    in.text();
+    in.get<std::uint32_t>();
+    in.get<std::uint32_t>();
+  }
+  in.get<std::uint32_t>();  // offset
+  const auto count = in.get<std::uint32_t>();
+  if (!in.ok() || count > most) return false;
+  values.clear();
+  for (std::uint32_t i = 0; i < count; ++i) values.push_back(in.get<std::int64_t>());
+  return in.ok();
 }
 
 bool read_image_header(std::span<const std::byte> message, std::string& frame_id) {

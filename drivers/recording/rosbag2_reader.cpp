@@ -4,10 +4,13 @@
 #include <algorithm>
 #include <fstream>
 #include <map>
+#include <set>
 #include <stdexcept>
 
+#include "drivers/recording/calibration_file.hpp"
 #include "drivers/recording/layouts.hpp"
 #include "drivers/recording/ros_messages.hpp"
+#include "drivers/recording/rosbag2_writer.hpp"
 #include "drivers/recording/sqlite.hpp"
 
 namespace booth::drivers {
@@ -109,8 +112,8 @@ struct MessageId {
 
 class BagStore final : public FrameStore {
  public:
-  BagStore(const std::vector<fs::path>& files, std::vector<MessageId> messages, bool zstd, int width, int height)
-      : messages_(std::move(messages)), unpacker_(zstd), width_(width), height_(height) {
+  BagStore(const std::vector<fs::path>& files, std::vector<MessageId> messages, bool zstd, bool rvl, int width, int height)
+      : messages_(std::move(messages)), unpacker_(zstd), rvl_(rvl), width_(width), height_(height) {
     for (const auto& m : messages_) times_.push_back(m.time);
     for (const auto& file : files) {
       bags_.push_back(open_bag(file));
@@ -125,7 +128,10 @@ class BagStore final : public FrameStore {
     sqlite3_bind_int64(select, 1, m.id);
     Load result = Load::broken;
     try {
-      if (sqlite3_step(select) == SQLITE_ROW && ros::read_image(unpacker_.unpack(blob(select, 0)), width_, height_, depth)) result = Load::ok;
+      if (sqlite3_step(select) == SQLITE_ROW) {
+        const auto bytes = unpacker_.unpack(blob(select, 0));
+        if (rvl_ ? ros::read_compressed_image(bytes, width_, height_, depth) : ros::read_image(bytes, width_, height_, depth)) result = Load::ok;
+      }
     } catch (const std::bad_alloc&) {  // a compressed message that says it is large: as good as broken
     }
     sqlite3_reset(select);
@@ -138,6 +144,7 @@ class BagStore final : public FrameStore {
   std::vector<MessageId> messages_;
   std::vector<hal::UtcTime> times_;
   Unpacker unpacker_;
+  bool rvl_;
   int width_, height_;
 };
 
@@ -145,6 +152,9 @@ struct Topic {
   std::string name, type;
   std::vector<MessageId> messages;
 };
+
+constexpr const char *kImage = "sensor_msgs/msg/Image", *kCompressedImage = "sensor_msgs/msg/CompressedImage";
+bool is_image(const std::string& type) { return type == kImage || type == kCompressedImage; }
 
 /// All topics in the order of their first appearance, with where their messages lie.
 class Contents {
@@ -198,7 +208,7 @@ class Contents {
       if (++count > kMaxFrames) fail(files_[file], "has more than " + std::to_string(kMaxFrames) + " messages");
       MessageId m{hal::UtcTime(hal::Nanoseconds(sqlite3_column_int64(select.get(), 2))), file, sqlite3_column_int64(select.get(), 0)};
       hal::UtcTime stamp;
-      if (!zstd_ && topics_[topic->second].type == "sensor_msgs/msg/Image" && ros::read_stamp(blob(select.get(), 3), stamp)) m.time = stamp;
+      if (!zstd_ && is_image(topics_[topic->second].type) && ros::read_stamp(blob(select.get(), 3), stamp)) m.time = stamp;
       topics_[topic->second].messages.push_back(m);
     }
     done(rc, file);
@@ -215,6 +225,39 @@ class Contents {
 };
 
 std::string parent_topic(const std::string& name) { return name.substr(0, name.rfind('/')); }
+
+/// What boothd did with the frames, where the bag is boothd's; what does not fit together is left out.
+LiveGroups read_live(Contents& bag) {
+  LiveGroups live;
+  const Topic *groups = bag.find("/booth/group"), *joints = bag.find("/booth/joint_states");
+  if (groups == nullptr || joints == nullptr || groups->messages.size() != joints->messages.size()) return live;
+  std::vector<std::int64_t> values;
+  for (std::size_t i = 0; i < groups->messages.size(); ++i) {
+    if (!bag.with(groups->messages[i], [&](auto bytes) { return ros::read_integers(bytes, 4 + hal::kMostRecordedCameras, values); }) || values.size() < 5) continue;
+    hal::FittedGroup& g = live.groups.emplace_back();
+    g.sequence = static_cast<std::uint64_t>(values[0]);
+    g.reference = hal::MonotonicTime(hal::Nanoseconds(values[1]));
+    live.to_live = hal::Nanoseconds(values[2]);  // the same in all messages of a bag
+    g.person = values[3] != 0;
+    for (std::size_t c = 4; c < values.size(); ++c) g.captured[c - 4] = hal::MonotonicTime(hal::Nanoseconds(values[c]));
+    if (!bag.with(joints->messages[i], [&](auto bytes) { return ros::read_joint_state(bytes, g.q); })) live.groups.pop_back();
+  }
+  return live;
+}
+
+/// The exact calibration beside a bag, where there is one and it is the bag's: ROS has no field for all of it and keeps rotations as quaternions.
+void take_exact(const fs::path& file, std::vector<RecordedCameraData>& cameras) {
+  std::error_code ignored;
+  if (!fs::exists(file, ignored)) return;
+  for (const auto& exact : read_calibration(file))
+    for (auto& camera : cameras) {
+      auto& d = camera.description;
+      if (ros_name(exact.name) != d.name || exact.intrinsics.width != d.intrinsics.width || exact.intrinsics.height != d.intrinsics.height) continue;
+      d = exact;
+      d.depth_scale = 0.001;
+      break;
+    }
+}
 
 /// Follows the transforms from a frame up to the one that has no parent.
 bool to_root(const std::map<std::string, ros::Transform>& transforms, std::string frame, hal::RigidTransform& out) {
@@ -243,7 +286,7 @@ bool to_root(const std::map<std::string, ros::Transform>& transforms, std::strin
 
 }  // namespace
 
-std::vector<RecordedCameraData> read_rosbag2(const fs::path& path) {
+std::vector<RecordedCameraData> read_rosbag2(const fs::path& path, LiveGroups* live) {
   const Metadata metadata = read_metadata(path);
   Contents bag(metadata.files, metadata.zstd_messages);
 
@@ -256,14 +299,25 @@ std::vector<RecordedCameraData> read_rosbag2(const fs::path& path) {
     }
 
   std::vector<RecordedCameraData> cameras;
+  std::set<std::string> taken;
+  std::string other_format;
   for (const Topic& topic : bag.topics()) {
-    if (topic.type != "sensor_msgs/msg/Image" || topic.name.ends_with("/background") || topic.messages.empty()) continue;
-    std::string frame_id;
-    if (!bag.with(topic.messages.front(), [&](auto bytes) { return ros::read_image_header(bytes, frame_id); })) continue;  // a colour image, say
+    if (!is_image(topic.type) || topic.name.ends_with("/background") || topic.messages.empty()) continue;
+    const bool rvl = topic.type == kCompressedImage;
+    std::string frame_id, format;
+    // Others are colour images, say.
+    if (!bag.with(topic.messages.front(),
+                  [&](auto bytes) { return rvl ? ros::read_compressed_header(bytes, frame_id, format) : ros::read_image_header(bytes, frame_id); })) {
+      if (format.find("compressedDepth") != std::string::npos) other_format = topic.name + " ('" + format + "')";
+      continue;
+    }
+    // The transport's name is a level of its own below the image's topic; where a bag holds both, one is enough.
+    const std::string image_name = rvl ? parent_topic(topic.name) : topic.name;
+    if (!taken.insert(image_name).second) continue;
     const fs::path& file = bag.files()[topic.messages.front().file];
     RecordedCameraData data;
     auto& d = data.description;
-    const std::string base = parent_topic(topic.name);
+    const std::string base = parent_topic(image_name);
     d.name = base.substr(0, base.find('/', 1)).substr(base.empty() ? 0 : 1);
 
     const Topic* info = bag.find(base + "/camera_info");
@@ -285,12 +339,16 @@ std::vector<RecordedCameraData> read_rosbag2(const fs::path& path) {
     auto messages = topic.messages;
     std::stable_sort(messages.begin(), messages.end(), [](const MessageId& a, const MessageId& b) { return a.time < b.time; });
     messages.erase(std::unique(messages.begin(), messages.end(), [](const MessageId& a, const MessageId& b) { return a.time == b.time; }), messages.end());
-    data.frames = std::make_unique<BagStore>(bag.files(), std::move(messages), bag.zstd(), d.intrinsics.width, d.intrinsics.height);
+    data.frames = std::make_unique<BagStore>(bag.files(), std::move(messages), bag.zstd(), rvl, d.intrinsics.width, d.intrinsics.height);
     d.nominal_rate = rate_of(data.frames->times());
     if (cameras.size() >= kMaxCameras) fail(file, "has more than " + std::to_string(kMaxCameras) + " depth cameras");
     cameras.push_back(std::move(data));
   }
-  if (cameras.empty()) fail(path, "holds no topic with 16UC1 depth images (sensor_msgs/msg/Image)");
+  if (cameras.empty() && !other_format.empty())
+    fail(path, other_format + " is compressed in a way that is not read; only '16UC1; compressedDepth rvl' and uncompressed images are");
+  if (cameras.empty()) fail(path, "holds no topic with 16UC1 depth images (sensor_msgs/msg/Image, or CompressedImage with RVL)");
+  take_exact(path / "calibration.toml", cameras);
+  if (live != nullptr) *live = read_live(bag);
   return cameras;
 }
 

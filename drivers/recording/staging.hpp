@@ -14,8 +14,11 @@ class Staging {
   const std::filesystem::path& final_path() const { return final_path_; }
   /// Everything to stable storage, then the final name. Throws std::runtime_error.
   void publish();
+  /// The same for a folder that another process left behind.
+  static void adopt(const std::filesystem::path& folder, const std::filesystem::path& final_path) { Staging(folder, final_path).publish(); }
 
  private:
+  Staging(std::filesystem::path folder, std::filesystem::path final_path) : final_path_(std::move(final_path)), folder_(std::move(folder)) {}
   std::filesystem::path final_path_, folder_;
 };
 

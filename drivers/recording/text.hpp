@@ -53,4 +53,14 @@ std::string format_number(Number value) {
   return error == std::errc() ? std::string(text, end) : std::string("nan");
 }
 
+/// A JSON string, quotes and all; control characters become blanks.
+inline std::string json_text(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+  }
+  return out + '"';
+}
+
 }  // namespace booth::drivers
