@@ -68,7 +68,7 @@ struct Config {
     bool depth = false, on_fault = true;
     std::string directory = "/var/lib/boothd/recordings";
     double memory_seconds = 30;
-    std::int64_t memory_bytes = 512 << 20;
+    std::int64_t memory_bytes = 800 << 20;
     std::int64_t keep_free_bytes = 1 << 30;
     std::int64_t quota_bytes = 20'000'000'000;
     std::int64_t max_age_days = 7;
