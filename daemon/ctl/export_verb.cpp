@@ -1,8 +1,77 @@
-// placeholder, written next
-#include <CLI/CLI.hpp>
+// boothctl export: any session in any of the formats, without boothd.
+#include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <iostream>
+#include <map>
+#include <memory>
+
+#include "daemon/config/load.hpp"
 #include "daemon/ctl/verbs.hpp"
+#include "daemon/io/model_file.hpp"
+#include "daemon/record/session_export.hpp"
 
 namespace booth::daemon {
-void add_export_verbs(CLI::App&) {}
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Options {
+  std::string session, format, out, config, directory, models;
+};
+
+const std::map<std::string, std::pair<ExportFormat, const char*>>& formats() {
+  static const std::map<std::string, std::pair<ExportFormat, const char*>> table{{"bvh", {ExportFormat::bvh, ".bvh"}},
+                                                                                 {"glb", {ExportFormat::glb, ".glb"}},
+                                                                                 {"fbx", {ExportFormat::fbx, ".fbx"}},
+                                                                                 {"csv", {ExportFormat::csv, ".csv"}},
+                                                                                 {"ply", {ExportFormat::ply, ".ply"}}};
+  return table;
+}
+
+/// A folder as it is named, else the session of that id among those of the configuration.
+fs::path find_session(const Options& options) {
+  std::error_code ignored;
+  if (fs::is_directory(options.session, ignored)) return fs::path(options.session + "/").parent_path();
+  fs::path directory = options.directory;
+  if (directory.empty()) directory = load_config({.file = options.config, .assignments = {}}).session.directory;
+  if (options.session.find('/') == std::string::npos && fs::is_directory(directory / options.session, ignored)) return directory / options.session;
+  throw VerbFailure(fmt::format("{}: there is no such session, neither as a folder nor in {} (--sessions names another place)", options.session, directory.string()));
+}
+
+void run(const Options& options) {
+  const fs::path folder = find_session(options);
+  const auto& [format, extension] = formats().at(options.format);
+  fs::path out = options.out.empty() ? fs::path(folder.filename().string() + extension) : fs::path(options.out);
+  std::error_code ignored;
+  if (fs::is_directory(out, ignored)) out /= folder.filename().string() + extension;
+  const fs::path directory = find_models(options.models);
+  SessionModels models;
+  if (format != ExportFormat::csv) {
+    models.men = std::make_shared<const fit::BodyModel>(load_body_model(directory / "men.npz"));
+    models.women = std::make_shared<const fit::BodyModel>(load_body_model(directory / "women.npz"));
+  }
+  export_session(folder, format, out, models);
+  std::cout << out.string() << "\n";
+}
+
+}  // namespace
+
+void add_export_verbs(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  CLI::App* verb = app.add_subcommand("export", "Convert a session, complete or interrupted, for other programs");
+  verb->add_option("session", options->session, "The session's id or its folder")->required();
+  std::vector<std::string> names;
+  for (const auto& [name, unused] : formats()) names.push_back(name);
+  verb->add_option("--format", options->format, "bvh, glb, fbx (skeleton and motion; the last two with the body), csv (all frames), ply (the body in its last pose)")
+      ->required()
+      ->check(CLI::IsMember(names));
+  verb->add_option("--out", options->out, "File or folder; without it SESSION.FORMAT here");
+  verb->add_option("--sessions", options->directory, "Folder of the sessions; without it the configuration's session.directory");
+  verb->add_option("--config", options->config, "Configuration file that says where sessions are");
+  verb->add_option("--models", options->models, "Folder of the model files");
+  verb->callback([options] { run(*options); });
+}
+
 }  // namespace booth::daemon

@@ -25,7 +25,7 @@ void add_fleet_verb(CLI::App& app);        ///< fleet
 void add_track_verb(CLI::App& app);        ///< track
 void add_bench_verb(CLI::App& app);        ///< bench signature
 void add_evaluate_verb(CLI::App& app);     ///< evaluate
-void add_export_verbs(CLI::App& app);      ///< export, decrypt
+void add_export_verbs(CLI::App& app);      ///< export
 void add_record_verbs(CLI::App& app);      ///< record, snapshot
 void add_config_verb(CLI::App& app);       ///< config reference
 

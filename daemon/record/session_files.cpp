@@ -18,21 +18,16 @@
 #include <stdexcept>
 
 #include "daemon/io/atomic_file.hpp"
-#include "daemon/io/bvh_file.hpp"
-#include "daemon/io/csv_file.hpp"
-#include "daemon/io/mesh_file.hpp"
 #include "daemon/record/retention.hpp"
+#include "daemon/record/session_export.hpp"
 #include "daemon/record/session_log.hpp"
 #include "daemon/record/truth_error.hpp"
-#include "fit/detail/detail_layer.hpp"
 
 namespace booth::daemon {
 namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
-
-constexpr double kBvhRate = 30;  ///< frames per second of skeleton.bvh
 
 std::tm utc_calendar(std::int64_t utc_ns) {
   const std::time_t s = static_cast<std::time_t>(utc_ns / 1'000'000'000);
@@ -77,44 +72,6 @@ double percentile(std::vector<double> values, double p) {
 /// Micrometres are fine enough for a person who reads the file.
 double metres(double v) { return std::round(v * 1e6) / 1e6; }
 double ms(double v) { return std::round(v * 1e3) / 1e3; }
-
-const char* person_name(PersonState s) { return s == PersonState::lost ? "lost" : s == PersonState::estimated ? "estimated" : "tracked"; }
-
-std::vector<SkeletonRow> csv_rows(const std::vector<FrameRecord>& frames) {
-  std::vector<SkeletonRow> rows(frames.size());
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    const FrameRecord& f = frames[i];
-    SkeletonRow& row = rows[i];
-    row.time = 1e-9 * static_cast<double>(f.captured_ns - frames.front().captured_ns);
-    row.utc_ns = f.captured_utc_ns;
-    row.state = person_name(f.person);
-    row.residual = static_cast<double>(f.residual);
-    row.q = Eigen::Map<const fit::PoseVector>(f.q.data());
-    for (std::size_t j = 0; j < kRecordJoints; ++j)
-      row.joints.col(static_cast<Eigen::Index>(j)) = fit::cmu_from_booth({f.joints[j][0], f.joints[j][1], f.joints[j][2]});
-  }
-  return rows;
-}
-
-/// The poses at an even rate, as BVH wants them: at each instant the last pose in which the person was seen.
-std::vector<fit::PoseVector> even_poses(const std::vector<FrameRecord>& frames) {
-  std::vector<fit::PoseVector> out;
-  const auto seen = [](const FrameRecord& f) { return f.person != PersonState::lost; };
-  const auto first = std::find_if(frames.begin(), frames.end(), seen);
-  if (first == frames.end()) return out;
-  const std::int64_t begin = first->captured_ns, end = frames.back().captured_ns;
-  const FrameRecord* shown = &*first;
-  auto next = first + 1;
-  const auto count = static_cast<std::int64_t>(1e-9 * static_cast<double>(end - begin) * kBvhRate) + 1;
-  for (std::int64_t k = 0; k < count; ++k) {
-    const auto until = begin + static_cast<std::int64_t>((static_cast<double>(k) + 0.5) / kBvhRate * 1e9);
-    for (; next != frames.end() && next->captured_ns <= until; ++next) {
-      if (seen(*next)) shown = &*next;
-    }
-    out.emplace_back(Eigen::Map<const fit::PoseVector>(shown->q.data()));
-  }
-  return out;
-}
 
 [[noreturn]] void fail(const fs::path& path, const std::string& doing) {
   throw std::runtime_error(
@@ -206,18 +163,12 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
   for (double r : residuals) out.residual_mean += r / static_cast<double>(residuals.size());
   out.residual_p95 = percentile(residuals, 0.95);
 
-  if (!frames.empty()) write_skeleton_csv(folder / "skeleton.csv", csv_rows(frames));
-  const fit::BodyModel* model = last_good ? models.of(last_good->sex) : nullptr;
-  if (model) {
-    const fit::ShapeVector beta = Eigen::Map<const Eigen::VectorXd>(last_good->beta.data(), last_good->shape_count);
-    write_bvh(folder / "skeleton.bvh", model->bone_vectors(beta), even_poses(frames), 1 / kBvhRate);
-    fit::Vertices posed, normals;
-    model->shaped(beta, posed);
-    if (static_cast<int>(info.detail.size()) == model->vertex_count())
-      fit::displace(posed, model->data().faces, Eigen::Map<const Eigen::VectorXd>(info.detail.data(), model->vertex_count()), posed);
-    model->pose_mesh(posed, model->rest_joints(beta), Eigen::Map<const fit::PoseVector>(last_good->q.data()), posed);
-    fit::vertex_normals(posed, model->data().faces, normals);
-    write_ply(folder / "body.ply", {.points = posed, .normals = &normals, .faces = &model->data().faces}, UpAxis::z, "booth frame, metres; session " + info.id);
+  if (!frames.empty()) export_csv(folder / "skeleton.csv", frames);
+  if (const fit::BodyModel* model = last_good ? models.of(last_good->sex) : nullptr) {
+    export_bvh(folder / "skeleton.bvh", frames, *last_good, *model);
+    export_glb(folder / "body.glb", frames, *last_good, *model);
+    export_ply(folder / "body.ply", *last_good, *model, info.id, info.detail);
+    export_measurements(folder / "measurements.json", *last_good, *model);
   }
 
   Json j = info_json(info);

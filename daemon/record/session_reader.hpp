@@ -1,0 +1,25 @@
+// A session's folder read back, whatever became of it: complete, interrupted, or still running.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "daemon/pipeline/frame_record.hpp"
+
+namespace booth::daemon {
+
+struct SessionContents {
+  std::string id, result;  ///< result: running, complete, interrupted
+  std::vector<FrameRecord> frames;
+};
+
+/// From the raw log where it is still there, else from skeleton.csv (whose numbers are floats) and session.json. Throws std::runtime_error with one sentence
+/// that names the file, the place and what is wrong.
+SessionContents read_session(const std::filesystem::path& folder);
+
+/// The rows of a skeleton.csv: times, states, poses, joints and residuals; no body. `name` is for the errors, which are std::runtime_error.
+std::vector<FrameRecord> parse_skeleton_csv(std::string_view text, const std::string& name);
+
+}  // namespace booth::daemon
