@@ -115,6 +115,17 @@ std::vector<SessionHappening> events_of(const Json& j) {
   return out;
 }
 
+/// What a write was that never came to its end; its file, where there was one before, is still whole.
+void remove_half_files(const fs::path& folder) {
+  std::vector<fs::path> halves;
+  std::error_code error;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename().string();
+    if (name.ends_with(".part") && name != kFrameLogName) halves.push_back(it->path());
+  }
+  for (const auto& half : halves) fs::remove(half, error);
+}
+
 }  // namespace
 
 std::string make_session_id(std::int64_t utc_ns) {
@@ -240,8 +251,13 @@ std::vector<std::string> close_interrupted_sessions(const fs::path& directory, c
     if (name.starts_with(".") && name.ends_with(".part") && it->is_directory(ignored)) fs::remove_all(it->path(), ignored);
   }
   for (const fs::path& folder : session_folders(directory)) {
+    remove_half_files(folder);
     const Json old = read_json(folder / "session.json");
-    if (text_of(old, "result") != "running") continue;
+    if (text_of(old, "result") != "running") {
+      // Complete, but the power went away before the log did.
+      if (old.contains("result")) fs::remove(folder / kFrameLogName, error);
+      continue;
+    }
     SessionInfo info;
     info.id = folder.filename().string();
     info.booth = text_of(old, "booth");

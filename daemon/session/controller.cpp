@@ -255,6 +255,8 @@ void Controller::end_session(const std::string& reason, const std::string& state
   info.latency = pipeline_->latency();
   for (int s = 0; s < kStages; ++s) info.stages[static_cast<std::size_t>(s)] = pipeline_->stage(static_cast<Stage>(s));
   if (!log_.problem().empty()) {
+    info.result = "interrupted";  // by the disk: the last frames are not in it
+    info.reason = log_.problem();
     log_line(LogLevel::error, log_.problem());
     set_alarm(log_.problem());
   }

@@ -1,4 +1,4 @@
-// assimp writes to a name of its own beside the final one; the rename makes the file appear whole.
+// assimp converts in memory.
 #include "daemon/record/export/fbx_file.hpp"
 
 #include <assimp/scene.h>
@@ -8,23 +8,21 @@
 #include <stdexcept>
 #include <string>
 
+#include "daemon/io/atomic_file.hpp"
+#include "daemon/record/export/fbx_repair.hpp"
+
 namespace booth::daemon {
 
 void convert_glb_to_fbx(const std::filesystem::path& glb, const std::filesystem::path& fbx) {
   Assimp::Importer importer;
   const aiScene* scene = importer.ReadFile(glb.string(), 0);
   if (!scene) throw std::runtime_error(fbx.string() + ": cannot be made: " + importer.GetErrorString());
-  std::filesystem::path part = fbx;
-  part += ".part";
   Assimp::Exporter exporter;
-  const aiReturn done = exporter.Export(scene, "fbx", part.string());
-  std::error_code error;
-  if (done == aiReturn_SUCCESS) std::filesystem::rename(part, fbx, error);
-  if (done == aiReturn_SUCCESS && !error) return;
-  std::error_code ignored;
-  std::filesystem::remove(part, ignored);
-  throw std::runtime_error(fbx.string() + ": cannot be written: " + (error ? error.message() : std::string(exporter.GetErrorString())) +
-                           "; check the folder and the disk's space");
+  const aiExportDataBlob* blob = exporter.ExportToBlob(scene, "fbx");
+  if (!blob) throw std::runtime_error(fbx.string() + ": cannot be made: " + exporter.GetErrorString());
+  const auto repaired = repair_fbx({static_cast<const char*>(blob->data), blob->size});
+  if (!repaired) throw std::runtime_error(fbx.string() + ": cannot be made: this version of assimp writes an FBX that is not understood");
+  write_file_atomically(fbx, *repaired);
 }
 
 }  // namespace booth::daemon
