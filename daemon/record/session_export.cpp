@@ -134,7 +134,7 @@ void export_session(const std::filesystem::path& folder, ExportFormat format, co
       const std::filesystem::path glb = file.string() + fmt::format(".{}.glb", ::getpid());
       export_glb(glb, session.frames, *last, *model);
       try {
-        convert_glb_to_fbx(glb, file);
+        convert_glb_to_fbx(glb, file, static_cast<int>(kExportRate));
       } catch (const std::exception&) {
         ::unlink(glb.c_str());
         throw;

@@ -20,8 +20,33 @@ std::uint64_t word(std::string_view bytes, std::size_t at) {
 
 bool all_zero(std::string_view bytes) { return bytes.find_first_not_of('\0') == std::string_view::npos; }
 
+struct Times {
+  std::int64_t divisor, stop;
+};
+
+/// `properties` are a node's, in place. An array is: type, number of values, encoding (0: plain), bytes, values.
+void mend_times(std::string_view id, char* properties, std::size_t size, Times times) {
+  constexpr std::size_t kArrayHead = 13, kValue = 8;
+  const std::string_view text(properties, size);
+  if (id == "KeyTime" && size >= kArrayHead && properties[0] == 'l') {
+    std::uint32_t count, encoding;
+    std::memcpy(&count, properties + 1, sizeof count);
+    std::memcpy(&encoding, properties + 5, sizeof encoding);
+    if (encoding != 0 || count > (size - kArrayHead) / kValue) return;
+    for (std::uint32_t i = 0; i < count; ++i) {
+      std::int64_t time;
+      std::memcpy(&time, properties + kArrayHead + kValue * i, kValue);
+      time /= times.divisor;
+      std::memcpy(properties + kArrayHead + kValue * i, &time, kValue);
+    }
+  } else if (id == "P" && size > kValue + 1 && properties[size - kValue - 1] == 'L' &&
+             (text.find("LocalStop") != std::string_view::npos || text.find("ReferenceStop") != std::string_view::npos)) {
+    std::memcpy(properties + size - kValue, &times.stop, kValue);
+  }
+}
+
 /// Copies the nodes from `at` to `end`; the record of zeros that ends a list is left to the caller.
-bool copy_nodes(std::string_view in, std::size_t& at, std::size_t end, std::string& out, int depth) {
+bool copy_nodes(std::string_view in, std::size_t& at, std::size_t end, Times times, std::string& out, int depth) {
   if (depth > kDeepest) return false;
   while (at < end) {
     if (end - at < kRecord) return false;
@@ -34,12 +59,14 @@ bool copy_nodes(std::string_view in, std::size_t& at, std::size_t end, std::stri
     const std::size_t head = kRecord + name;
     if (node_end > end || node_end <= at || head > node_end - at || properties > node_end - at - head) return false;
     const std::size_t begin = out.size();
+    // These are lists for every reader, be they empty or not.
+    const std::string_view id = in.substr(at + kRecord, name);
+    const bool list = at + head + properties < node_end || id == "AnimationStack" || id == "AnimationLayer";
     out.append(in.substr(at, head + properties));
+    mend_times(id, out.data() + begin + head, properties, times);
     at += head + properties;
-    if (at < node_end) {
-      if (!copy_nodes(in, at, node_end, out, depth + 1) || at != node_end) return false;
-      out.append(kRecord, '\0');
-    }
+    if (at < node_end && (!copy_nodes(in, at, node_end, times, out, depth + 1) || at != node_end)) return false;
+    if (list) out.append(kRecord, '\0');
     const std::uint64_t new_end = out.size();
     std::memcpy(out.data() + begin, &new_end, sizeof new_end);
   }
@@ -48,14 +75,14 @@ bool copy_nodes(std::string_view in, std::size_t& at, std::size_t end, std::stri
 
 }  // namespace
 
-std::optional<std::string> repair_fbx(std::string_view bytes) {
+std::optional<std::string> repair_fbx(std::string_view bytes, std::int64_t time_divisor, std::int64_t stop) {
   if (bytes.size() < kHeader || bytes.substr(0, kMagic.size()) != kMagic) return std::nullopt;
   std::uint32_t version;
   std::memcpy(&version, bytes.data() + kMagic.size(), sizeof version);
   if (version < kFirst64) return std::nullopt;
   std::string out(bytes.substr(0, kHeader));
   std::size_t at = kHeader;
-  if (!copy_nodes(bytes, at, bytes.size(), out, 0)) return std::nullopt;
+  if (!copy_nodes(bytes, at, bytes.size(), {time_divisor, stop}, out, 0)) return std::nullopt;
   out.append(kRecord, '\0');
   out.append(bytes.substr(at));  // the footer
   return out;

@@ -73,6 +73,9 @@ TEST_F(ExportTest, EveryFormatIsReadByAnother) {
     ASSERT_EQ(scene->mNumAnimations, 1u) << name;
     EXPECT_NEAR(scene->mAnimations[0]->mDuration / scene->mAnimations[0]->mTicksPerSecond, 39 / 30.0, 0.05) << name;
     EXPECT_GE(scene->mAnimations[0]->mNumChannels, 15u) << name << ": the bones that turn by themselves";
+    unsigned keys = 0;
+    for (unsigned c = 0; c < scene->mAnimations[0]->mNumChannels; ++c) keys = std::max(keys, scene->mAnimations[0]->mChannels[c]->mNumRotationKeys);
+    EXPECT_GE(keys, 39u) << name << ": every frame";
     if (format == ExportFormat::bvh) continue;
     ASSERT_GE(scene->mNumMeshes, 1u) << name;
     EXPECT_EQ(scene->mMeshes[0]->mNumFaces, static_cast<unsigned>(sample_models().men->data().faces.cols())) << name;
