@@ -1,1 +1,178 @@
-// placeholder
+// boothd and boothctl as a person uses them: recordings of a session, replayed to the same bits, read by strangers' readers; kill -9 in the middle of one.
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "daemon/ctl/control_client.hpp"
+#include "tests/daemon/support/fake_booth.hpp"
+#include "tests/daemon/support/temporary_folder.hpp"
+
+namespace booth::daemon {
+namespace {
+
+using namespace std::chrono_literals;
+namespace fs = std::filesystem;
+using nlohmann::json;
+using ::testing::HasSubstr;
+using tests::eventually;
+using tests::read_text;
+
+/// A child with stdout and stderr in files of their own.
+class Child {
+ public:
+  Child(std::vector<std::string> words, const fs::path& output) : output_(output) {
+    std::vector<char*> argv;
+    for (auto& w : words) argv.push_back(w.data());
+    argv.push_back(nullptr);
+    pid_ = ::fork();
+    if (pid_ == 0) {
+      ::dup2(::open((output_.string() + ".out").c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDOUT_FILENO);
+      ::dup2(::open((output_.string() + ".err").c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDERR_FILENO);
+      ::execvp(argv[0], argv.data());
+      ::_exit(127);
+    }
+  }
+  ~Child() {
+    if (pid_ > 0) {
+      ::kill(pid_, SIGKILL);
+      ::waitpid(pid_, nullptr, 0);
+    }
+  }
+  Child(const Child&) = delete;
+  void signal(int s) { ::kill(pid_, s); }
+  int wait(std::chrono::seconds limit = 120s) {
+    int status = 0;
+    if (!eventually([&] { return ::waitpid(pid_, &status, WNOHANG) == pid_; }, limit)) return -1;
+    pid_ = -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  std::string out() const { return read_text(output_.string() + ".out"); }
+  std::string err() const { return read_text(output_.string() + ".err"); }
+
+ private:
+  fs::path output_;
+  pid_t pid_ = -1;
+};
+
+struct RecordingProgram : ::testing::Test {
+  tests::TemporaryFolder folder;
+  const std::string socket = (folder.path / "c.sock").string();
+  std::unique_ptr<Child> boothd;
+  std::string out, err;
+  int starts = 0;
+
+  void start(bool depth) {
+    std::vector<std::string> words{BOOTH_BINARY_DIR "/bin/boothd"};
+    for (const std::string& s : {"control.socket=" + socket, "session.directory=" + (folder.path / "sessions").string(),
+                                 "record.directory=" + (folder.path / "recordings").string(), "record.depth=" + std::string(depth ? "true" : "false"),
+                                 std::string("record.memory_bytes=100000000"), std::string("record.keep_free_bytes=0"), std::string("dds.enabled=false"),
+                                 std::string("cameras.synthetic.count=2")}) {
+      words.push_back("--set");
+      words.push_back(s);
+    }
+    boothd = std::make_unique<Child>(words, folder.path / ("boothd-" + std::to_string(++starts)));
+    ASSERT_TRUE(eventually([&] { return boothd->err().find("is ready") != std::string::npos; }, 60s)) << boothd->err();
+  }
+  int ctl(std::vector<std::string> words, const std::string& verb_socket = {}) {
+    words.insert(words.begin(), BOOTH_BINARY_DIR "/bin/boothctl");
+    if (!verb_socket.empty()) words.insert(words.end(), {"--socket", verb_socket});
+    Child child(words, folder.path / "ctl");
+    const int status = child.wait();
+    out = child.out(), err = child.err();
+    return status;
+  }
+  json ask(const json& request) { return json::parse(ControlClient(socket).ask(request.dump())); }
+  /// A reader that does not know us; false with the reason where it is not installed.
+  bool stranger(const std::string& script, const fs::path& what, std::string& why) {
+    const fs::path modules = fs::path(BOOTH_READERS) / "node_modules";
+    if (!fs::exists(modules / "gltf-validator") || std::system("node --version > /dev/null 2>&1") != 0) {
+      why = "skipped: node or the readers in " + modules.string() + " are not there (toolchain/test installs them where npm is)";
+      return false;
+    }
+    ::setenv("NODE_PATH", modules.c_str(), 1);
+    Child child({"node", BOOTH_SOURCE_DIR "/tests/readers/" + script, what.string()}, folder.path / "node");
+    EXPECT_EQ(child.wait(), 0) << child.err();
+    out = child.out();
+    return true;
+  }
+};
+
+TEST_F(RecordingProgram, IsReplayedToTheSameBitsAndReadByStrangers) {
+  start(true);
+  Child recorder({BOOTH_BINARY_DIR "/bin/boothctl", "record", "--depth", "--socket", socket}, folder.path / "record");
+  ASSERT_TRUE(eventually([&] { return ask({{"request", "record_status"}})["recording"]["running"] == true; }, 30s)) << recorder.err();
+  EXPECT_EQ(ask({{"request", "start"}})["ok"], true);
+  ASSERT_TRUE(eventually([&] { return ask({{"request", "status"}})["frames"].get<int>() >= 12; }, 100s));
+  EXPECT_EQ(ctl({"snapshot", "--json"}, socket), 0) << err;
+  EXPECT_GT(json::parse(out)["frames"].get<int>(), 0);
+  recorder.signal(SIGINT);
+  EXPECT_EQ(recorder.wait(), 0) << recorder.err();
+  const fs::path bag = recorder.out().substr(0, recorder.out().find('\n'));
+  EXPECT_TRUE(fs::exists(bag / "metadata.yaml")) << bag;
+  EXPECT_EQ(ask({{"request", "stop"}})["ok"], true);
+  EXPECT_EQ(ask({{"request", "status"}})["recorder"]["depth_allowed"], true);
+  boothd->signal(SIGTERM);
+  EXPECT_EQ(boothd->wait(), 0);
+
+  EXPECT_EQ(ctl({"track", bag.string(), "--as-live", "--out", (folder.path / "replay").string()}), 0) << err;
+  int identical = 0, all = -1;
+  ASSERT_EQ(std::sscanf(err.c_str(), "%d of %d frames have the very bits", &identical, &all), 2) << err;
+  EXPECT_GE(all, 5) << err;
+  EXPECT_EQ(identical, all) << err;
+
+  std::string why;
+  if (!stranger("read_bag.cjs", bag, why)) GTEST_SKIP() << why;
+  const json read = json::parse(out);
+  EXPECT_EQ(read["format"], "16UC1; compressedDepth rvl");
+  EXPECT_GT(read["images"].get<int>(), 20);
+  EXPECT_EQ(read["pixels"], read["images"].get<int>() * 512 * 424);
+  const double mean = read["sum"].get<double>() / read["measured"].get<double>();
+  EXPECT_GT(mean, 1000) << "millimetres in a room of some metres";
+  EXPECT_LT(mean, 5000);
+  EXPECT_EQ(read["camera_info"]["width"], 512);
+  EXPECT_GE(read["events"].get<int>(), 2);
+  EXPECT_TRUE(stranger("validate_glb.cjs", folder.path / "replay" / "body.glb", why));
+  EXPECT_EQ(json::parse(out)["errors"], 0);
+  EXPECT_EQ(json::parse(out)["animations"], 1);
+}
+
+TEST_F(RecordingProgram, DepthIsRefusedUnlessConfiguredAndNothingIsWritten) {
+  start(false);
+  EXPECT_EQ(ctl({"record", "--depth", "--seconds", "1"}, socket), 1);
+  EXPECT_THAT(err, HasSubstr("record.depth = true"));
+  EXPECT_EQ(ctl({"record", "--seconds", "0.3"}, socket), 0) << err;
+  EXPECT_EQ(ctl({"snapshot"}, socket), 0) << err;
+  for (const auto& file : fs::recursive_directory_iterator(folder.path / "recordings")) {
+    if (!file.is_regular_file()) continue;
+    EXPECT_EQ(read_text(file.path()).find("/depth/image_raw"), std::string::npos) << file.path();
+  }
+  EXPECT_EQ(ask({{"request", "record"}, {"seconds", -1}})["ok"], false);
+  EXPECT_EQ(ask({{"request", "record"}, {"seconds", "x"}})["ok"], false);
+}
+
+TEST_F(RecordingProgram, KilledInTheMiddleOfARecording) {
+  start(true);
+  EXPECT_EQ(ask({{"request", "record"}, {"depth", true}, {"seconds", 600}})["ok"], true);
+  ASSERT_TRUE(eventually([&] { return ask({{"request", "record_status"}})["recording"]["seconds"].get<double>() > 2.5; }, 60s));
+  boothd->signal(SIGKILL);
+  boothd->wait();
+  boothd.reset();
+  start(true);
+  EXPECT_THAT(boothd->err(), HasSubstr("was interrupted;"));
+  int bags = 0;
+  for (const auto& entry : fs::directory_iterator(folder.path / "recordings")) {
+    ++bags;
+    EXPECT_EQ(entry.path().string().find(".partial-"), std::string::npos);
+    EXPECT_EQ(ctl({"track", entry.path().string(), "--out", (folder.path / "t").string()}), 0) << err;
+  }
+  EXPECT_EQ(bags, 1);
+}
+
+}  // namespace
+}  // namespace booth::daemon
