@@ -27,7 +27,9 @@ std::unique_ptr<hal::FlightRecorder> open_recorder(const Config& config, const D
   return drivers::make_flight_recorder(settings_of(config), descriptions(source), source.background, *source.clock);
 }
 
-std::size_t recorder_memory(const Config& config, const DepthSource& source) { return drivers::flight_recorder_memory(settings_of(config), descriptions(source)); }
+std::size_t recorder_memory(const Config& config, const DepthSource& source) {
+  return drivers::flight_recorder_memory(settings_of(config), descriptions(source));
+}
 
 std::vector<std::string> recover_recordings(const Config& config) { return drivers::recover_bags(config.record.directory); }
 

@@ -20,7 +20,7 @@ enum class Pace : std::uint8_t {
 /// What the live booth did with the frames of a recording, where the recording says it.
 struct LiveGroups {
   std::vector<hal::FittedGroup> groups{};  ///< in the order in which they were fitted
-  hal::Nanoseconds to_live{};            ///< added to a frame's `captured` at Pace::fast gives what it was live
+  hal::Nanoseconds to_live{};              ///< added to a frame's `captured` at Pace::fast gives what it was live
 };
 
 struct Source {

@@ -69,6 +69,7 @@ void add_bench_verb(CLI::App& app) {
         Task{"fit", "Presets booth and paper against pagmo, nlopt and Ceres: error against time"},
         Task{"pipeline", "Four cameras from memory through the live pipeline to DDS: latency by stage, losses"},
         Task{"field", "Nearest points: our field against kd-trees and brute force"}, Task{"swarm", "Preset paper: frames per second by kernel and threads"},
+        Task{"record", "Depth images packed for recordings: frames per second on one core, size, and what it costs a camera's thread"},
         Task{"gpu", "Preset paper's swarm on a CUDA device: times by kernel and size, its bits, error against budget"}}) {
     CLI::App* verb = bench->add_subcommand(task.name, task.what);
     verb->prefix_command();

@@ -18,8 +18,8 @@ std::string dump(const Json& j) { return j.dump(-1, ' ', false, Json::error_hand
 std::string refusal(const std::string& text) { return dump({{"ok", false}, {"error", text}}); }
 
 Json recording_json(const hal::RecordingStatus& r) {
-  return {{"path", r.path}, {"running", r.running}, {"depth", r.depth}, {"seconds", std::round(r.seconds * 100) / 100}, {"frames", r.frames},
-          {"missed", r.missed}, {"bytes", r.bytes}, {"problem", r.problem}};
+  return {{"path", r.path},     {"running", r.running}, {"depth", r.depth}, {"seconds", std::round(r.seconds * 100) / 100},
+          {"frames", r.frames}, {"missed", r.missed},   {"bytes", r.bytes}, {"problem", r.problem}};
 }
 
 Json recorder_json(const hal::RecorderStatus& s) {

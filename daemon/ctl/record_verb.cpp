@@ -94,7 +94,8 @@ void snapshot(const Options& options) {
 
 void add_record_verbs(CLI::App& app) {
   auto options = std::make_shared<Options>();
-  CLI::App* verb = app.add_subcommand("record", "Write what passes from now on into a rosbag2, until ctrl-C: events and skeletons, and with --depth the depth images");
+  CLI::App* verb =
+      app.add_subcommand("record", "Write what passes from now on into a rosbag2, until ctrl-C: events and skeletons, and with --depth the depth images");
   verb->add_flag("--depth", options->depth, "Depth images of all cameras, too; needs record.depth = true in boothd's configuration");
   verb->add_option("--seconds", options->seconds, "End by itself after so long")->check(CLI::Range(0.1, 86400.0));
   verb->add_flag("--uncompressed", options->uncompressed, "sensor_msgs/Image instead of CompressedImage: twice the size, for tools that know no RVL");

@@ -1,4 +1,4 @@
-// Decorators.
+// Each wrapper does what it wraps does, and tells the recorder.
 #include "daemon/record/booth_tap.hpp"
 
 namespace booth::daemon {

@@ -10,9 +10,9 @@
 namespace booth::daemon {
 
 struct RetentionRule {
-  std::string what;                                                  ///< "session", "recording": for the sentences
-  std::string age_key, size_key;                                     ///< of the configuration
-  std::int64_t quota_bytes = 0, max_age_days = 0;                    ///< 0: any size, any age
+  std::string what;                                                    ///< "session", "recording": for the sentences
+  std::string age_key, size_key;                                       ///< of the configuration
+  std::int64_t quota_bytes = 0, max_age_days = 0;                      ///< 0: any size, any age
   std::function<bool(const std::filesystem::path& folder)> deletable;  ///< not one that is in work
 };
 

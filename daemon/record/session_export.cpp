@@ -76,7 +76,11 @@ void export_glb(const std::filesystem::path& file, const std::vector<FrameRecord
   fit::Vertices rest;
   model.shaped(beta_of(last), rest);
   const std::vector<fit::PoseVector> motion = even_poses(frames);
-  write_glb(file, {.model = model, .rest_vertices = rest, .rest_joints = model.rest_joints(beta_of(last)), .pose = pose_of(last), .motion = motion,
+  write_glb(file, {.model = model,
+                   .rest_vertices = rest,
+                   .rest_joints = model.rest_joints(beta_of(last)),
+                   .pose = pose_of(last),
+                   .motion = motion,
                    .frame_seconds = 1 / kExportRate});
 }
 

@@ -63,7 +63,8 @@ void take_body(const Json& j, const fs::path& file, std::vector<FrameRecord>& fr
     throw std::runtime_error(fmt::format("{}: sex and beta do not describe a body", file.string()));
   std::array<double, kRecordShape> values{};
   for (std::size_t i = 0; i < beta.size(); ++i) {
-    if (!beta[i].is_number() || !(std::abs(beta[i].get<double>()) < 100)) throw std::runtime_error(fmt::format("{}: beta[{}] is no number of a body", file.string(), i));
+    if (!beta[i].is_number() || !(std::abs(beta[i].get<double>()) < 100))
+      throw std::runtime_error(fmt::format("{}: beta[{}] is no number of a body", file.string(), i));
     values[i] = beta[i].get<double>();
   }
   for (FrameRecord& f : frames) {
@@ -111,7 +112,8 @@ SessionContents read_session(const fs::path& folder) {
   std::error_code ignored;
   if (!fs::is_directory(folder, ignored)) throw std::runtime_error(fmt::format("{}: there is no such session", folder.string()));
   const Json j = Json::parse(read_file_bytes(file, kMostJson), nullptr, false);
-  if (!j.is_object() || !j.contains("result") || !j["result"].is_string()) throw std::runtime_error(fmt::format("{}: is no session.json of boothd", file.string()));
+  if (!j.is_object() || !j.contains("result") || !j["result"].is_string())
+    throw std::runtime_error(fmt::format("{}: is no session.json of boothd", file.string()));
   SessionContents out;
   out.id = folder.filename().string();
   out.result = j["result"].get<std::string>();

@@ -1,4 +1,5 @@
-// metadata.yaml (version 5) and one SQLite file, as ROS 2 writes them; the metadata is always made from what the file holds, so that a bag can be finished by whoever finds it.
+// metadata.yaml (version 5) and one SQLite file, as ROS 2 writes them; the metadata is always made from what the file holds, so that a bag can be finished by
+// whoever finds it.
 #include "drivers/recording/bag_file.hpp"
 
 #include <fcntl.h>
@@ -62,8 +63,8 @@ std::int64_t write_metadata(const Database& db, const fs::path& file, const fs::
   std::ofstream out(folder / "metadata.yaml");
   out << "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n  duration:\n    nanoseconds: " << last - first
       << "\n  starting_time:\n    nanoseconds_since_epoch: " << first << "\n  message_count: " << total << "\n  topics_with_message_count:\n";
-  const Statement topics = prepare(db, file,
-                                   "SELECT name, type, offered_qos_profiles, (SELECT COUNT(*) FROM messages WHERE topic_id = topics.id) FROM topics ORDER BY id");
+  const Statement topics =
+      prepare(db, file, "SELECT name, type, offered_qos_profiles, (SELECT COUNT(*) FROM messages WHERE topic_id = topics.id) FROM topics ORDER BY id");
   while (sqlite3_step(topics.get()) == SQLITE_ROW)
     out << "    - topic_metadata:\n        name: " << text_of(topics.get(), 0) << "\n        type: " << text_of(topics.get(), 1)
         << "\n        serialization_format: cdr\n        offered_qos_profiles: " << yaml_quoted(text_of(topics.get(), 2))
@@ -192,7 +193,8 @@ std::vector<std::string> recover_bags(const fs::path& directory) {
   std::error_code error;
   for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
     std::error_code ignored;
-    if (it->path().filename().string().find(".partial-") != std::string::npos && it->is_directory(ignored) && !it->is_symlink(ignored)) found.push_back(it->path());
+    if (it->path().filename().string().find(".partial-") != std::string::npos && it->is_directory(ignored) && !it->is_symlink(ignored))
+      found.push_back(it->path());
   }
   std::sort(found.begin(), found.end());
   for (const auto& path : found) said.push_back(recover_bag(path));

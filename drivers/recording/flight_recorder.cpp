@@ -26,11 +26,11 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::size_t kSlots = 8;                           ///< for each camera: a quarter of a second at 30 frames/s
-constexpr std::size_t kGroups = 64, kEvents = 64;           ///< waiting
-constexpr std::size_t kMemoryWithoutDepth = 4u << 20;       ///< 30 s of fitted frames and events are less than 1 MiB
-constexpr std::size_t kLongestText = 4096;                  ///< of an event
-constexpr int kNiceness = 10;                               ///< the live path comes first
+constexpr std::size_t kSlots = 8;                      ///< for each camera: a quarter of a second at 30 frames/s
+constexpr std::size_t kGroups = 64, kEvents = 64;      ///< waiting
+constexpr std::size_t kMemoryWithoutDepth = 4u << 20;  ///< 30 s of fitted frames and events are less than 1 MiB
+constexpr std::size_t kLongestText = 4096;             ///< of an event
+constexpr int kNiceness = 10;                          ///< the live path comes first
 
 std::size_t pixels_of(const hal::CameraDescription& c) { return static_cast<std::size_t>(c.intrinsics.width) * static_cast<std::size_t>(c.intrinsics.height); }
 
@@ -97,16 +97,22 @@ class MemoryRecorder final : public hal::FlightRecorder {
   void event(const std::string& kind, const std::string& source, const std::string& text) override {
     const std::lock_guard lock(event_mutex_);
     if (events_.size() >= kEvents) events_.pop_front();
-    events_.emplace_back(clock_.now(), "{\"kind\":" + json_text(kind) + ",\"source\":" + json_text(source) + ",\"text\":" +
-                                           json_text(text.substr(0, kLongestText)) + "}");
+    events_.emplace_back(clock_.now(),
+                         "{\"kind\":" + json_text(kind) + ",\"source\":" + json_text(source) + ",\"text\":" + json_text(text.substr(0, kLongestText)) + "}");
   }
 
   std::string record(bool depth, bool uncompressed, double seconds, hal::Nanoseconds patience) override {
     const std::lock_guard lock(job_mutex_);
     if (depth && !settings_.depth) return kNotAllowed;
     if (recording_ && recording_->running()) return "a recording is running already: " + recording_->status().path;
-    RecordingOrder order{.path = settings_.directory / name("record"), .depth = depth, .uncompressed = uncompressed, .from = ring_.next(), .until = {},
-                         .seconds = seconds, .patience = patience, .reason = "asked for"};
+    RecordingOrder order{.path = settings_.directory / name("record"),
+                         .depth = depth,
+                         .uncompressed = uncompressed,
+                         .from = ring_.next(),
+                         .until = {},
+                         .seconds = seconds,
+                         .patience = patience,
+                         .reason = "asked for"};
     return begin(recording_, std::move(order));
   }
 
@@ -120,8 +126,12 @@ class MemoryRecorder final : public hal::FlightRecorder {
     if (snapshot_ && snapshot_->running()) return "a snapshot is being written already: " + snapshot_->status().path;
     // What is in the slots now is of before the question, too.
     std::this_thread::sleep_for(20ms);
-    RecordingOrder order{.path = settings_.directory / name("snapshot"), .depth = settings_.depth, .from = ring_.oldest(), .until = ring_.next().number,
-                         .patience = {}, .reason = reason};
+    RecordingOrder order{.path = settings_.directory / name("snapshot"),
+                         .depth = settings_.depth,
+                         .from = ring_.oldest(),
+                         .until = ring_.next().number,
+                         .patience = {},
+                         .reason = reason};
     return begin(snapshot_, std::move(order));
   }
 
@@ -140,7 +150,8 @@ class MemoryRecorder final : public hal::FlightRecorder {
   }
 
  private:
-  static constexpr const char* kNotAllowed = "depth images are personal data and are not recorded in this booth; record.depth = true in its configuration allows it";
+  static constexpr const char* kNotAllowed =
+      "depth images are personal data and are not recorded in this booth; record.depth = true in its configuration allows it";
 
   std::string name(const char* what) const {
     const std::time_t now = std::chrono::duration_cast<std::chrono::seconds>(clock_.utc_now().time_since_epoch()).count();

@@ -13,11 +13,11 @@
 namespace booth::drivers {
 
 struct FlightRecorderSettings {
-  std::filesystem::path directory;         ///< of the recordings; made (mode 0700) when the first one is
-  bool depth = false;                      ///< depth images may be kept in memory and written
-  double seconds = 30;                     ///< how far back the memory reaches
-  std::size_t memory_bytes = 800u << 20;   ///< of packed depth images; without depth a small part of it is taken
-  std::uint64_t keep_free_bytes = 1 << 30; ///< a recording ends when the disk has less left
+  std::filesystem::path directory;          ///< of the recordings; made (mode 0700) when the first one is
+  bool depth = false;                       ///< depth images may be kept in memory and written
+  double seconds = 30;                      ///< how far back the memory reaches
+  std::size_t memory_bytes = 800u << 20;    ///< of packed depth images; without depth a small part of it is taken
+  std::uint64_t keep_free_bytes = 1 << 30;  ///< a recording ends when the disk has less left
 };
 
 /// What it takes, before anything is allocated.

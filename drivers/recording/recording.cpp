@@ -100,8 +100,7 @@ Source open_recording(const std::filesystem::path& path, Pace pace, std::shared_
 }
 
 std::unique_ptr<hal::DepthSink> create_recording(const std::filesystem::path& path, Layout layout, const std::vector<hal::CameraDescription>& cameras,
-                                                 const std::optional<TruthBody>& body, const std::vector<hal::DepthFrame>& background,
-                                                 bool compressed) {
+                                                 const std::optional<TruthBody>& body, const std::vector<hal::DepthFrame>& background, bool compressed) {
   if (cameras.empty()) throw std::runtime_error("recording " + path.string() + " cannot be made without a camera");
   auto checked = cameras;
   for (auto& c : checked) check_description(c, path.string());

@@ -60,7 +60,8 @@ void RecordingJob::check_space(const std::filesystem::path& folder) const {
   if (::statvfs(folder.c_str(), &disk) != 0) return;
   const auto free = static_cast<std::uint64_t>(disk.f_bavail) * disk.f_frsize;
   if (free < context_.keep_free_bytes)
-    throw std::runtime_error("the disk of " + folder.parent_path().string() + " has " + std::to_string(free >> 20) + " MB left, less than record.keep_free_bytes");
+    throw std::runtime_error("the disk of " + folder.parent_path().string() + " has " + std::to_string(free >> 20) +
+                             " MB left, less than record.keep_free_bytes");
 }
 
 void RecordingJob::write() {

@@ -96,7 +96,8 @@ void compressed_image(const hal::CameraDescription& camera, hal::UtcTime stamp, 
   Message m(packed.size() + frame_id.size() + 256);
   m.header(stamp, frame_id);
   m.cdr() << std::string(kCompressedFormat) << static_cast<std::uint32_t>(kRvlPrefix + packed.size());
-  std::array<std::uint32_t, kRvlPrefix / 4> prefix{0, 0, 0, static_cast<std::uint32_t>(camera.intrinsics.width), static_cast<std::uint32_t>(camera.intrinsics.height)};
+  std::array<std::uint32_t, kRvlPrefix / 4> prefix{0, 0, 0, static_cast<std::uint32_t>(camera.intrinsics.width),
+                                                   static_cast<std::uint32_t>(camera.intrinsics.height)};
   m.cdr().serializeArray(reinterpret_cast<const std::uint8_t*>(prefix.data()), kRvlPrefix);
   m.cdr().serializeArray(reinterpret_cast<const std::uint8_t*>(packed.data()), packed.size());
   m.finish(out);

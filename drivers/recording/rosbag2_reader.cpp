@@ -233,7 +233,8 @@ LiveGroups read_live(Contents& bag) {
   if (groups == nullptr || joints == nullptr || groups->messages.size() != joints->messages.size()) return live;
   std::vector<std::int64_t> values;
   for (std::size_t i = 0; i < groups->messages.size(); ++i) {
-    if (!bag.with(groups->messages[i], [&](auto bytes) { return ros::read_integers(bytes, 4 + hal::kMostRecordedCameras, values); }) || values.size() < 5) continue;
+    if (!bag.with(groups->messages[i], [&](auto bytes) { return ros::read_integers(bytes, 4 + hal::kMostRecordedCameras, values); }) || values.size() < 5)
+      continue;
     hal::FittedGroup& g = live.groups.emplace_back();
     g.sequence = static_cast<std::uint64_t>(values[0]);
     g.reference = hal::MonotonicTime(hal::Nanoseconds(values[1]));

@@ -21,7 +21,8 @@ Rosbag2Writer::Rosbag2Writer(const std::filesystem::path& path, const std::vecto
   std::size_t pixels = 0;
   for (const auto& c : cameras_) {
     if (contents_.depth && c.depth_scale != 0.001)
-      throw std::runtime_error("camera '" + c.name + "' counts " + std::to_string(c.depth_scale) + " m, ROS depth images are in millimetres: use the folder layout");
+      throw std::runtime_error("camera '" + c.name + "' counts " + std::to_string(c.depth_scale) +
+                               " m, ROS depth images are in millimetres: use the folder layout");
     pixels = std::max(pixels, static_cast<std::size_t>(c.intrinsics.width) * static_cast<std::size_t>(c.intrinsics.height));
     const std::string base = "/" + ros_name(c.name) + "/depth";
     frame_id_.push_back(ros_name(c.name) + "_depth_optical_frame");

@@ -1,4 +1,5 @@
-// A node is: offset of its end, number of properties, bytes of properties, length of name, name, properties, children, and where there are children a record of zeros.
+// A node is: offset of its end, number of properties, bytes of properties, length of name, name, properties, children, and where there are children a record of
+// zeros.
 #include "daemon/record/export/fbx_repair.hpp"
 
 #include <cstdint>

@@ -149,7 +149,8 @@ TEST_F(ExportTest, WhatIsDeletedIsOverwrittenFirst) {
 }
 
 TEST_F(ExportTest, RecordingsAreKeptWithinTheirLimits) {
-  for (const char* name : {"20260101T000000Z-0001-record", "20260102T000000Z-0002-snapshot", "20260103T000000Z-0003-record", "20260104T000000Z-0004-record.partial-abcdef"})
+  for (const char* name :
+       {"20260101T000000Z-0001-record", "20260102T000000Z-0002-snapshot", "20260103T000000Z-0003-record", "20260104T000000Z-0004-record.partial-abcdef"})
     folder.write(std::string(name) + "/bag_0.db3", std::string(10000, 'x'));
   folder.write("keep/file", "x");
   const std::int64_t day = 86'400'000'000'000, utc = 1'767'225'600'000'000'000;

@@ -49,8 +49,8 @@ int run_session(const fs::path& directory) {
 
 #if defined(__x86_64__)
 bool touches_files(unsigned long long call) {
-  static const std::set<unsigned long long> calls{SYS_write, SYS_openat, SYS_fsync,  SYS_fdatasync, SYS_rename, SYS_unlink,
-                                                  SYS_unlinkat, SYS_mkdir, SYS_fchmod, SYS_close,   SYS_rmdir,  SYS_renameat};
+  static const std::set<unsigned long long> calls{SYS_write,    SYS_openat, SYS_fsync,  SYS_fdatasync, SYS_rename, SYS_unlink,
+                                                  SYS_unlinkat, SYS_mkdir,  SYS_fchmod, SYS_close,     SYS_rmdir,  SYS_renameat};
   return calls.contains(call);
 }
 
@@ -130,7 +130,8 @@ void expect_whole(const fs::path& directory, const std::string& where) {
     EXPECT_LE(session.frames.size(), kFrames) << where;
     if (j["result"] == "complete") {
       EXPECT_EQ(session.frames.size(), kFrames) << where;
-      for (const char* name : {"skeleton.csv", "skeleton.bvh", "body.glb", "body.ply", "measurements.json"}) EXPECT_TRUE(fs::exists(folder / name)) << where << name;
+      for (const char* name : {"skeleton.csv", "skeleton.bvh", "body.glb", "body.ply", "measurements.json"})
+        EXPECT_TRUE(fs::exists(folder / name)) << where << name;
     }
     EXPECT_EQ(j["frames"], session.frames.size()) << where;
   }

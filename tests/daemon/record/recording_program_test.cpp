@@ -69,10 +69,10 @@ struct RecordingProgram : ::testing::Test {
 
   void start(bool depth) {
     std::vector<std::string> words{BOOTH_BINARY_DIR "/bin/boothd"};
-    for (const std::string& s : {"control.socket=" + socket, "session.directory=" + (folder.path / "sessions").string(),
-                                 "record.directory=" + (folder.path / "recordings").string(), "record.depth=" + std::string(depth ? "true" : "false"),
-                                 std::string("record.memory_bytes=100000000"), std::string("record.keep_free_bytes=0"), std::string("dds.enabled=false"),
-                                 std::string("cameras.synthetic.count=2")}) {
+    for (const std::string& s :
+         {"control.socket=" + socket, "session.directory=" + (folder.path / "sessions").string(), "record.directory=" + (folder.path / "recordings").string(),
+          "record.depth=" + std::string(depth ? "true" : "false"), std::string("record.memory_bytes=100000000"), std::string("record.keep_free_bytes=0"),
+          std::string("dds.enabled=false"), std::string("cameras.synthetic.count=2")}) {
       words.push_back("--set");
       words.push_back(s);
     }
