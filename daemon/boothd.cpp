@@ -14,8 +14,8 @@
 #include "daemon/ctl/control_protocol.hpp"
 #include "daemon/ctl/control_server.hpp"
 #include "daemon/ctl/panel_protocol.hpp"
-#include "daemon/dds/configured.hpp"
 #include "daemon/ctl/record_protocol.hpp"
+#include "daemon/dds/configured.hpp"
 #include "daemon/dds/dds_link.hpp"
 #include "daemon/drivers_factory.gpio.hpp"
 #include "daemon/drivers_factory.hpp"
@@ -225,7 +225,8 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
   std::unique_ptr<DdsLink> dds;
   if (config.dds.enabled) {
     dds = stage(kUnavailable, [&] {
-      return std::make_unique<DdsLink>(dds_settings(config), *source.clock, [&](DdsCommand command) { return answer_remote_command(command, controller); });
+      return std::make_unique<DdsLink>(dds_settings(config), *source.clock,
+                                       [&](DdsCommand command) { return answer_remote_command(command, controller, *recorder); });
     });
   }
   Pipeline pipeline(pipeline_settings(config), source.cameras, *source.clock, fitter, controller);

@@ -37,7 +37,8 @@ fs::path find_session(const Options& options) {
   fs::path directory = options.directory;
   if (directory.empty()) directory = load_config({.file = options.config, .assignments = {}}).session.directory;
   if (options.session.find('/') == std::string::npos && fs::is_directory(directory / options.session, ignored)) return directory / options.session;
-  throw VerbFailure(fmt::format("{}: there is no such session, neither as a folder nor in {} (--sessions names another place)", options.session, directory.string()));
+  throw VerbFailure(
+      fmt::format("{}: there is no such session, neither as a folder nor in {} (--sessions names another place)", options.session, directory.string()));
 }
 
 void run(const Options& options) {
@@ -64,7 +65,8 @@ void add_export_verbs(CLI::App& app) {
   verb->add_option("session", options->session, "The session's id or its folder")->required();
   std::vector<std::string> names;
   for (const auto& [name, unused] : formats()) names.push_back(name);
-  verb->add_option("--format", options->format, "bvh, glb, fbx (skeleton and motion; the last two with the body), csv (all frames), ply (the body in its last pose)")
+  verb->add_option("--format", options->format,
+                   "bvh, glb, fbx (skeleton and motion; the last two with the body), csv (all frames), ply (the body in its last pose)")
       ->required()
       ->check(CLI::IsMember(names));
   verb->add_option("--out", options->out, "File or folder; without it SESSION.FORMAT here");

@@ -109,11 +109,13 @@ void print_for_people(const SessionSummary& s, const fs::path& folder, double fi
 /// The groups that were fitted live, and a word on whether the same came out.
 void replay(const Options& options, DepthSource& source, FrameFitter& fitter, const std::function<bool(const FitInput&, const FrameRecord&)>& take) {
   if (source.live_groups.empty())
-    throw VerbFailure(fmt::format("{}: does not say what the live booth did with its frames; --as-live is for recordings of boothctl record --depth", options.recording));
+    throw VerbFailure(
+        fmt::format("{}: does not say what the live booth did with its frames; --as-live is for recordings of boothctl record --depth", options.recording));
   const ReplayCounters c =
       run_replay(source.cameras, source.live_groups, source.to_live, fitter, [&](const FitInput& input, const FrameRecord& record) { take(input, record); });
   if (c.groups == 0)
-    throw VerbFailure(fmt::format("{}: no session begins in it, so that nothing can be fitted as it was live; without --as-live it can be tracked", options.recording));
+    throw VerbFailure(
+        fmt::format("{}: no session begins in it, so that nothing can be fitted as it was live; without --as-live it can be tracked", options.recording));
   std::cerr << fmt::format("{} of {} frames have the very bits of the live ones{}\n", c.identical, c.groups,
                            c.skipped > 0 ? fmt::format("; {} were left out, because what led to them is not in the recording", c.skipped) : "");
 }

@@ -15,8 +15,8 @@
 #include "daemon/io/mesh_file.hpp"
 #include "daemon/record/export/fbx_file.hpp"
 #include "daemon/record/session_reader.hpp"
-#include "fit/detail/detail_layer.hpp"
 #include "fit/body/measure.hpp"
+#include "fit/detail/detail_layer.hpp"
 
 namespace booth::daemon {
 namespace {

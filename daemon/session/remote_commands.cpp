@@ -1,4 +1,4 @@
-// Start and stop as the buttons do; the rest is said not to be there.
+// Start and stop as the buttons do, a snapshot as boothctl does; the rest is said not to be there.
 #include "daemon/session/remote_commands.hpp"
 
 namespace booth::daemon {
@@ -13,9 +13,14 @@ DdsAnswer not_supported(const char* what, const Controller& controller) {
   return {false, wire_state(controller.state()), std::string(what) + " is not supported yet by this version"};
 }
 
+DdsAnswer take_snapshot(const Controller& controller, hal::FlightRecorder& recorder) {
+  const std::string why_not = recorder.snapshot("asked for on DDS");
+  return {why_not.empty(), wire_state(controller.state()), why_not};
+}
+
 }  // namespace
 
-DdsAnswer answer_remote_command(DdsCommand command, Controller& controller) {
+DdsAnswer answer_remote_command(DdsCommand command, Controller& controller, hal::FlightRecorder& recorder) {
   switch (command) {
     case DdsCommand::start:
       return request(SessionEvent::start, controller);
@@ -24,7 +29,7 @@ DdsAnswer answer_remote_command(DdsCommand command, Controller& controller) {
     case DdsCommand::calibrate:
       return not_supported("calibrate", controller);
     case DdsCommand::snapshot:
-      return not_supported("snapshot", controller);
+      return take_snapshot(controller, recorder);
   }
   return not_supported("this command", controller);
 }

@@ -3,10 +3,11 @@
 
 #include "daemon/dds/dds_link.hpp"
 #include "daemon/session/controller.hpp"
+#include "hal/flight_recorder.hpp"
 
 namespace booth::daemon {
 
-/// Waits for the controller's answer. `calibrate` and `snapshot` are refused with a sentence: this version has neither.
-DdsAnswer answer_remote_command(DdsCommand command, Controller& controller);
+/// Waits for the controller's answer; a snapshot is accepted when it begins to be written. `calibrate` is refused with a sentence: this version has it not.
+DdsAnswer answer_remote_command(DdsCommand command, Controller& controller, hal::FlightRecorder& recorder);
 
 }  // namespace booth::daemon
