@@ -246,6 +246,7 @@ TEST_F(FlightRecorderTest, WhatADeadProcessLeftIsFinished) {
     std::this_thread::sleep_for(200ms);
     for (std::uint64_t n = 0;; n += 8) feed(n, 8);
   }
+  ASSERT_GT(child, 0);
   // Two transactions are on the disk; the third is torn somewhere.
   std::this_thread::sleep_for(2600ms);
   ::kill(child, SIGKILL);

@@ -69,6 +69,7 @@ Outcome run_traced(const fs::path& directory, int at, int error) {
     ::_exit(run_session(directory));
   }
   Outcome out;
+  if (child < 0) return out;  // and never kill(-1), which means everybody
   int status = 0;
   ::waitpid(child, &status, 0);
   if (!WIFSTOPPED(status) || ::ptrace(PTRACE_SETOPTIONS, child, nullptr, PTRACE_O_TRACESYSGOOD | PTRACE_O_TRACECLONE | PTRACE_O_EXITKILL) != 0) {

@@ -45,7 +45,9 @@ class Child {
     }
   }
   Child(const Child&) = delete;
-  void signal(int s) { ::kill(pid_, s); }
+  void signal(int s) {
+    if (pid_ > 0) ::kill(pid_, s);
+  }
   int wait(std::chrono::seconds limit = 120s) {
     int status = 0;
     if (!eventually([&] { return ::waitpid(pid_, &status, WNOHANG) == pid_; }, limit)) return -1;
