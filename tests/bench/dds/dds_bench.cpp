@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <stdexcept>
 #include <thread>
@@ -31,11 +32,22 @@ using daemon::DdsTopic;
 constexpr std::size_t kMost = 100'000;
 constexpr std::uint32_t kShape = 20;
 
-/// Shared by publisher and reader, which are two processes.
-struct Board {
+/// Nanoseconds, written by one thread.
+struct Times {
   std::atomic<std::uint64_t> count{0};
-  std::atomic<bool> ready{false}, end{false};
   std::array<std::int64_t, kMost> ns{};
+  void add(std::int64_t one) {
+    const std::uint64_t n = count.load(std::memory_order_relaxed);
+    if (n == kMost) return;
+    ns[n] = one;
+    count.store(n + 1, std::memory_order_release);
+  }
+};
+
+/// Shared by the two processes.
+struct Board {
+  std::atomic<bool> end{false};
+  Times one_way, round_trip;
 };
 
 std::int64_t monotonic_ns() {
@@ -44,42 +56,75 @@ std::int64_t monotonic_ns() {
   return static_cast<std::int64_t>(t.tv_sec) * 1'000'000'000 + t.tv_nsec;
 }
 
-void take_all(dds_entity_t reader, Board& board) {
-  void* samples[1] = {nullptr};
-  dds_sample_info_t info[1];
-  while (dds_take(reader, samples, info, 1, 1) == 1) {
-    const std::int64_t now = monotonic_ns();
-    const std::uint64_t n = board.count.load(std::memory_order_relaxed);
-    if (info[0].valid_data && n < kMost) {
-      board.ns[n] = now - static_cast<const booth_msg_Skeleton*>(samples[0])->publish_monotonic_ns;
-      board.count.store(n + 1, std::memory_order_release);
-    }
-    (void)dds_return_loan(reader, samples, 1);
-    samples[0] = nullptr;
+/// Hears one booth's skeletons as ddsperf hears pings: in the library's receiving thread (listener) or in a thread of its own (waitset).
+class Ear {
+ public:
+  using Heard = std::function<void(const booth_msg_Skeleton&, std::int64_t now)>;
+  Ear(const daemon::DdsSettings& settings, bool listener, Heard heard) : dds_(settings), heard_(std::move(heard)) {
+    const daemon::DdsQos qos;
+    daemon::set_topic_qos(DdsTopic::skeleton, qos);
+    const dds_entity_t topic = dds_create_topic(dds_.participant(), &booth_msg_Skeleton_desc, "booth/skeleton", nullptr, nullptr);
+    dds_listener_t* ear = dds_create_listener(this);
+    if (listener) dds_lset_data_available(ear, [](dds_entity_t reader, void* self) { static_cast<Ear*>(self)->take_all(reader); });
+    reader_ = dds_create_reader(dds_.subscriber(), topic, qos, ear);
+    dds_delete_listener(ear);
+    if (listener) return;
+    const dds_entity_t waitset = dds_create_waitset(dds_.participant());
+    dds_waitset_attach(waitset, dds_create_readcondition(reader_, DDS_ANY_STATE), 0);
+    thread_ = std::thread([this, waitset] {
+      while (!stop_) {
+        dds_attach_t which[1];
+        if (dds_waitset_wait(waitset, which, 1, DDS_MSECS(100)) > 0) take_all(reader_);
+      }
+    });
   }
+  ~Ear() {
+    stop_ = true;
+    if (thread_.joinable()) thread_.join();
+  }
+  Ear(const Ear&) = delete;
+
+ private:
+  void take_all(dds_entity_t reader) {
+    void* samples[1] = {nullptr};
+    dds_sample_info_t info[1];
+    while (dds_take(reader, samples, info, 1, 1) == 1) {
+      const std::int64_t now = monotonic_ns();
+      if (info[0].valid_data) heard_(*static_cast<const booth_msg_Skeleton*>(samples[0]), now);
+      (void)dds_return_loan(reader, samples, 1);
+      samples[0] = nullptr;
+    }
+  }
+
+  daemon::DdsParticipant dds_;
+  Heard heard_;
+  dds_entity_t reader_ = 0;
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+daemon::DdsAnswer no(daemon::DdsCommand) { return {}; }
+
+daemon::FrameRecord typical_frame() {
+  daemon::FrameRecord frame;
+  frame.shape_count = kShape;
+  frame.person = daemon::PersonState::tracked;
+  return frame;
 }
 
-/// The reader's process: as ddsperf does it, in the library's receiving thread (listener) or in a thread of its own (waitset).
-int read_until_end(const daemon::DdsSettings& settings, bool listener, Board& board) {
-  const daemon::DdsParticipant dds(settings);
-  const daemon::DdsQos qos;
-  daemon::set_topic_qos(DdsTopic::skeleton, qos);
-  const dds_entity_t topic = dds_create_topic(dds.participant(), &booth_msg_Skeleton_desc, "booth/skeleton", nullptr, nullptr);
-  dds_listener_t* ear = dds_create_listener(&board);
-  if (listener) dds_lset_data_available(ear, [](dds_entity_t reader, void* arg) { take_all(reader, *static_cast<Board*>(arg)); });
-  const dds_entity_t reader = dds_create_reader(dds.subscriber(), topic, qos, ear);
-  const dds_entity_t waitset = dds_create_waitset(dds.participant());
-  if (!listener) dds_waitset_attach(waitset, dds_create_readcondition(reader, DDS_ANY_STATE), 0);
-  board.ready = true;
-  while (!board.end) {
-    dds_attach_t which[1];
-    if (listener)
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    else if (dds_waitset_wait(waitset, which, 1, DDS_MSECS(100)) > 0)
-      take_all(reader, board);
-  }
-  dds_delete_listener(ear);
-  return 0;
+/// The other process: a booth that answers each skeleton at once with one of its own.
+void answer_until_end(daemon::DdsSettings settings, bool listener, Board& board) {
+  drivers::SystemClock clock;
+  settings.booth = "pong";
+  daemon::DdsLink link(settings, clock, no);
+  settings.booth = "ping";
+  daemon::FrameRecord frame = typical_frame();
+  const Ear ear(settings, listener, [&](const booth_msg_Skeleton& s, std::int64_t now) {
+    frame.captured_ns = s.publish_monotonic_ns;
+    link.publish(frame);
+    board.one_way.add(now - s.publish_monotonic_ns);
+  });
+  while (!board.end && ::getppid() != 1) std::this_thread::sleep_for(std::chrono::milliseconds(20));
 }
 
 PingFigures figures(std::vector<std::int64_t> ns) {
@@ -88,39 +133,56 @@ PingFigures figures(std::vector<std::int64_t> ns) {
   return {.p50_us = at(0.5), .p99_us = at(0.99), .count = static_cast<int>(ns.size())};
 }
 
-std::vector<PingFigures> our_turn(const daemon::DdsSettings& settings, int hertz, int seconds, bool listener) {
+struct OurFigures {
+  std::vector<PingFigures> one_way, half_trip;
+};
+
+/// Figures of what was added to `times` since `seen`.
+void add_second(const Times& times, std::uint64_t& seen, std::vector<PingFigures>& out, double scale) {
+  const std::uint64_t n = times.count.load(std::memory_order_acquire);
+  // As with ddsperf, the first second is discovery.
+  if (seen > 0 && n > seen) {
+    PingFigures f = figures({times.ns.begin() + static_cast<std::ptrdiff_t>(seen), times.ns.begin() + static_cast<std::ptrdiff_t>(n)});
+    f.p50_us *= scale;
+    f.p99_us *= scale;
+    out.push_back(f);
+  }
+  seen = n;
+}
+
+OurFigures our_turn(daemon::DdsSettings settings, int hertz, int seconds, bool listener) {
   void* memory = ::mmap(nullptr, sizeof(Board), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED) throw std::runtime_error("no shared memory for the reader's figures");
   Board& board = *new (memory) Board;
   const pid_t child = ::fork();
-  if (child == 0) ::_exit(read_until_end(settings, listener, board));
-  std::vector<PingFigures> out;
+  if (child == 0) {
+    answer_until_end(settings, listener, board);
+    ::_exit(0);
+  }
+  OurFigures out;
   {
     drivers::SystemClock clock;
-    daemon::DdsLink link(settings, clock, [](daemon::DdsCommand) { return daemon::DdsAnswer{}; });
-    daemon::FrameRecord frame;
-    frame.shape_count = kShape;
-    frame.person = daemon::PersonState::tracked;
+    settings.booth = "ping";
+    daemon::DdsLink link(settings, clock, no);
+    settings.booth = "pong";
+    const Ear ear(settings, listener, [&](const booth_msg_Skeleton& s, std::int64_t now) { board.round_trip.add(now - s.capture_monotonic_ns); });
+    const daemon::FrameRecord frame = typical_frame();
     auto next = clock.now();
-    std::uint64_t seen = 0;
+    std::uint64_t seen = 0, seen_back = 0;
     const auto turns = static_cast<std::uint64_t>(seconds) * static_cast<std::uint64_t>(hertz);
-    for (std::uint64_t i = 0, second = 1; i < turns || (seen == 0 && i < 60 * turns); ++i) {
+    for (std::uint64_t i = 0; i < turns || (seen == 0 && i < 60 * turns); ++i) {
       link.publish(frame);
       next += std::chrono::nanoseconds(1'000'000'000 / hertz);
       clock.sleep_until(next);
-      if (i + 1 < second * static_cast<std::uint64_t>(hertz)) continue;
-      ++second;
-      const std::uint64_t n = board.count.load(std::memory_order_acquire);
-      // As with ddsperf, the first second is discovery.
-      if (seen > 0 && n > seen)
-        out.push_back(figures({board.ns.begin() + static_cast<std::ptrdiff_t>(seen), board.ns.begin() + static_cast<std::ptrdiff_t>(n)}));
-      seen = n;
+      if ((i + 1) % static_cast<std::uint64_t>(hertz) != 0) continue;
+      add_second(board.one_way, seen, out.one_way, 1);
+      add_second(board.round_trip, seen_back, out.half_trip, 0.5);
     }
   }
   board.end = true;
   ::waitpid(child, nullptr, 0);
   ::munmap(memory, sizeof(Board));
-  if (out.empty()) throw std::runtime_error("the reader heard nothing");
+  if (out.one_way.empty() || out.half_trip.empty()) throw std::runtime_error("the other process heard nothing");
   return out;
 }
 
@@ -139,28 +201,34 @@ void run(const Common& common, Report& report, int hertz, int rounds) {
   const int seconds = common.short_form ? 3 : 5;
   const auto base = static_cast<std::uint32_t>(100 + ::getpid() % 50);
   for (const char* trigger : {"listener", "waitset"}) {
-    std::vector<double> ours50, ours99, theirs50, theirs99;
+    std::vector<double> ping50, ping99, half50, half99, one50, one99;
+    const auto add = [](const std::vector<PingFigures>& from, std::vector<double>& p50, std::vector<double>& p99) {
+      for (const auto& f : from) p50.push_back(f.p50_us), p99.push_back(f.p99_us);
+    };
     int samples = 0;
     for (int round = 0; round < (common.short_form ? 1 : rounds); ++round) {
       // Domains of their own: a library configured once for a domain keeps its first configuration.
       const daemon::DdsSettings settings{
           .booth = "bench", .domain = base + static_cast<std::uint32_t>(round), .interface = "lo", .multicast = false, .peers = {}};
-      for (const auto& f : ddsperf_ping(daemon::dds_configuration(settings), static_cast<int>(settings.domain) + 50, payload_bytes(), hertz, seconds, trigger))
-        theirs50.push_back(f.p50_us), theirs99.push_back(f.p99_us);
-      for (const auto& f : our_turn(settings, hertz, seconds, std::string(trigger) == "listener"))
-        ours50.push_back(f.p50_us), ours99.push_back(f.p99_us), samples += f.count;
+      add(ddsperf_ping(daemon::dds_configuration(settings), static_cast<int>(settings.domain) + 50, payload_bytes(), hertz, seconds, trigger), ping50, ping99);
+      const OurFigures ours = our_turn(settings, hertz, seconds, std::string(trigger) == "listener");
+      add(ours.one_way, one50, one99);
+      add(ours.half_trip, half50, half99);
+      for (const auto& f : ours.one_way) samples += f.count;
     }
     const std::string reference = fmt::format("ddsperf ping {}", trigger);
-    report.add({.name = fmt::format("publish to take, {}, p50", trigger),
-                .unit = "us",
-                .value = median_of(ours50),
-                .reference = reference,
-                .reference_value = median_of(theirs50)});
-    report.add({.name = fmt::format("publish to take, {}, p99", trigger),
-                .unit = "us",
-                .value = median_of(ours99),
-                .reference = reference,
-                .reference_value = median_of(theirs99)});
+    const auto tell = [&](const char* what, const char* quantile, const std::vector<double>& ours, const std::vector<double>& theirs) {
+      report.add({.name = fmt::format("{}, {}, {}", what, trigger, quantile),
+                  .unit = "us",
+                  .value = median_of(ours),
+                  .reference = reference,
+                  .reference_value = median_of(theirs)});
+    };
+    // ddsperf prints half of a round trip whose way back begins in a thread that is awake; half of ours is its like. The way out alone begins after a sleep.
+    tell("publish to take, half a round trip", "p50", half50, ping50);
+    tell("publish to take, half a round trip", "p99", half99, ping99);
+    tell("publish to take, way out", "p50", one50, ping50);
+    tell("publish to take, way out", "p99", one99, ping99);
     report.add({.name = fmt::format("skeletons, {}", trigger), .unit = "", .value = static_cast<double>(samples)});
   }
   report.note("payload", fmt::format("{} bytes", payload_bytes()));

@@ -74,7 +74,7 @@ inline bool has_reader(dds_entity_t writer) {
 template <class T, class F>
 bool take(dds_entity_t reader, F look, std::chrono::milliseconds limit = std::chrono::seconds(20)) {
   const auto deadline = std::chrono::steady_clock::now() + limit;
-  do {
+  while (true) {
     void* samples[1] = {nullptr};
     dds_sample_info_t info[1];
     if (dds_take(reader, samples, info, 1, 1) == 1) {
@@ -82,10 +82,11 @@ bool take(dds_entity_t reader, F look, std::chrono::milliseconds limit = std::ch
       if (valid) look(*static_cast<const T*>(samples[0]));
       (void)dds_return_loan(reader, samples, 1);
       if (valid) return true;
+      continue;  // a change of state without a value
     }
+    if (std::chrono::steady_clock::now() >= deadline) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  } while (std::chrono::steady_clock::now() < deadline);
-  return false;
+  }
 }
 
 /// A command as an honest client sends it.
