@@ -1,7 +1,7 @@
 # Scenario: boothd itself on a kernel's USB.
 # does: boothd finds four sensors by their serials, follows somebody who walks and leaves a whole session; boothctl doctor sees the sensors
 # kernel: usbcore.usbfs_memory_mb=256 time-travel=inf-cpu
-# limit: 150
+# limit: 280
 # needs: usb_sensors
 set -eu
 bin=$BOOTH_BUILD/bin
