@@ -25,7 +25,7 @@ struct FittedGroup {
 struct RecordingStatus {
   std::string path;  ///< the final name; empty: there was none
   bool running = false, depth = false;
-  double seconds = 0;        ///< of time recorded so far
+  double seconds = 0;        ///< of time recorded so far; of a snapshot: from its first moment to its last
   std::uint64_t frames = 0;  ///< depth frames written
   std::uint64_t missed = 0;  ///< entries that were overwritten in memory before they could be written
   std::uint64_t bytes = 0;   ///< written so far

@@ -88,7 +88,7 @@ void run(const Options& options) {
     std::cout << j.dump(2, ' ', false, Json::error_handler_t::replace) << "\n";
   } else {
     print(checks);
-    std::cout << fmt::format("{} errors, {} warnings\n", errors, warnings);
+    std::cout << fmt::format("{} error{}, {} warning{}\n", errors, errors == 1 ? "" : "s", warnings, warnings == 1 ? "" : "s");
   }
   std::cout.flush();
   if (errors > 0) throw VerbFailure(fmt::format("doctor found {} error{}", errors, errors == 1 ? "" : "s"));

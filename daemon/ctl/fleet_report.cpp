@@ -67,7 +67,7 @@ std::string fleet_table(const std::vector<FleetRow>& rows) {
     for (const auto& reason : row.reasons) reasons += (reasons.empty() ? "" : "; ") + printable(reason);
     out += fmt::format("{:<{}}  {:<10} {}  {}\n", printable(row.id), width, row.state, figures, reasons);
   }
-  return out + fmt::format("{} booths, {} unwell\n", rows.size(), unwell(rows));
+  return out + fmt::format("{} booth{}, {} unwell\n", rows.size(), rows.size() == 1 ? "" : "s", unwell(rows));
 }
 
 std::string fleet_json(const std::vector<FleetRow>& rows) {

@@ -74,6 +74,9 @@ void RecordingJob::write() {
   Moment moment;
   std::vector<std::byte> bytes;
   std::uint64_t missed = 0, frames = 0;
+  // What a snapshot shows lies behind the moment at which it was asked for.
+  std::optional<hal::MonotonicTime> earliest;
+  hal::MonotonicTime latest{};
   auto next_look = std::chrono::steady_clock::now();
   std::optional<std::uint64_t> until = order_.until;
   std::string end = until ? "complete" : "";
@@ -85,6 +88,7 @@ void RecordingJob::write() {
       // What was handed in before the end belongs to the recording: first the end, then what is there.
       if (!until && !(end = over(now)).empty()) until = context_.ring.next().number;
       const bool got = (!until || cursor.number < *until) && context_.ring.read(cursor, moment, bytes, missed);
+      if (got) earliest = std::min(earliest.value_or(moment.time), moment.time), latest = std::max(latest, moment.time);
       if (got && moment.kind == Moment::Kind::depth && order_.depth) {
         writer.write_packed(moment.camera, bytes, utc(moment.time));
         ++frames;
@@ -97,7 +101,7 @@ void RecordingJob::write() {
       }
       if (const auto here = std::chrono::steady_clock::now(); here >= next_look || !got) {
         const std::lock_guard lock(mutex_);
-        status_.seconds = hal::seconds(now - began_);
+        status_.seconds = !order_.until ? hal::seconds(now - began_) : earliest ? hal::seconds(latest - *earliest) : 0.0;
         status_.frames = frames;
         status_.missed = missed;
         status_.bytes = writer.bag().bytes();

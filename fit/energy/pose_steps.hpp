@@ -3,8 +3,7 @@
 
 #include <cstdint>
 
-#include "fit/cloud/field_view.hpp"
-#include "fit/energy/particle_energy.hpp"
+#include "fit/energy/energy_view.hpp"
 #include "fit/host_device.hpp"
 
 namespace booth::fit {

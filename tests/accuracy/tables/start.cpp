@@ -147,7 +147,7 @@ Plan plan_start(const Request& request) {
   }
   for (const PoseKind kind : kPoseKinds) {
     plan.goals.push_back({std::string(name_of(kind)), "booth", "success (joints < 5 cm)", true, 97});
-    plan.goals.push_back({std::string(name_of(kind)), "booth", "processor time of a start, one thread", false, 0.5});
+    plan.goals.push_back({std::string(name_of(kind)), "booth", "processor time of a start, one thread", false, 0.5, Goal::Figure::most});  // each of them
   }
   plan.goals.push_back({"another person half a second later", "booth", "scene time until found", false, 0.5, Goal::Figure::most});
   return plan;

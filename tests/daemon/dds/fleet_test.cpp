@@ -44,7 +44,7 @@ TEST(Fleet, SaysWhoIsWell) {
   const auto rows = fleet_rows(booths, {});
   EXPECT_EQ(unwell(rows), 0);
   const std::string table = fleet_table(rows);
-  for (const char* text : {"lobby", "tracking", "1/2", "29.5", "8.0 mm", "3 d", "12.0 GB", "none", "1 booths, 0 unwell"}) EXPECT_THAT(table, HasSubstr(text));
+  for (const char* text : {"lobby", "tracking", "1/2", "29.5", "8.0 mm", "3 d", "12.0 GB", "none", "1 booth, 0 unwell"}) EXPECT_THAT(table, HasSubstr(text));
   const json j = json::parse(fleet_json(rows));
   EXPECT_EQ(j["unwell"], 0);
   EXPECT_EQ(j["booths"][0]["well"], true);

@@ -78,24 +78,6 @@ Row measure(const Options& options, int body, const std::string& pose, Outfit ou
   }
   const double built = now_ms();
   const fit::FitResult& result = estimator.fit(*observation);
-  if (std::getenv("RETRY")) {
-    fit::SurfaceDistance outer(person.outer_faces, static_cast<int>(person.outer.cols()));
-    fit::Vertices on;
-    fit::vertex_normals(person.outer, person.outer_faces, on);
-    outer.set(person.outer, on);
-    int wrong = 0, zero = 0, high = 0;
-    for (int i = 0; i < scan.cloud.size; ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      const Eigen::Vector3f p(scan.cloud.x[k], scan.cloud.y[k], scan.cloud.z[k]), n(scan.cloud.nx[k], scan.cloud.ny[k], scan.cloud.nz[k]);
-      const fit::SurfaceFoot foot = outer.closest(p, 0.1f, Eigen::Vector3f::Zero(), 0);
-      if (n.isZero()) ++zero;
-      if (foot.face >= 0 && n.dot(on.col(person.outer_faces(0, foot.face))) < 0) ++wrong, high += p.y() > 1;
-    }
-    fmt::print("  {} points, {} wrong normals ({} above 1 m), {} none\n", scan.cloud.size, wrong, high, zero);
-    fmt::print("  found {:.1f} mm, energy {:.1f}\n", 1e3 * result.cloud_to_model.mean, result.energy.total);
-    estimator.fit(*observation, &person.q);
-    fmt::print("  from truth {:.1f} mm, energy {:.1f}\n", 1e3 * result.cloud_to_model.mean, result.energy.total);
-  }
   row.fit_ms = now_ms() - built;
   const double fitted = now_ms();
   fit::DetailLayer layer(estimator.model(), {});

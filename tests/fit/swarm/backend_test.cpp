@@ -13,38 +13,16 @@
 #include "fit/swarm/random.hpp"
 #include "fit/swarm/swarm.hpp"
 #include "fit/swarm/swarm_kernel.hpp"
+#include "tests/fit/swarm/swarm_scene.hpp"
 #include "tests/support/allocation_count.hpp"
-#include "tests/support/capsule_body.hpp"
-#include "tests/support/plain_prior.hpp"
-#include "tests/support/posed_cloud.hpp"
 
 namespace booth::fit {
 namespace {
 
 using tests::pose_with;
 
-/// A posed body's cloud and a swarm about a pose some way off.
-struct Scene {
-  std::shared_ptr<const BodyModel> model = tests::capsule_body();
-  std::shared_ptr<const PosePrior> prior = tests::plain_prior();
-  PoseVector truth = pose_with({{"lhumerus_rz", 30}, {"rradius_rx", 40}, {"lfemur_rx", -25}});
-  Observation observation = tests::posed_cloud(*model, some_shape(), truth, 0.003f, 4);
-  std::vector<float> centre, deviation;
-  SwarmSizes sizes{.swarm = {.particles = 333, .iterations = 10}, .energy = {.vertices = 512}};
-
-  Scene() {
-    const int d = kDofs + std::min(sizes.energy.shape_count, model->shape_count());
-    centre.assign(static_cast<std::size_t>(d), 0);
-    const PoseVector start = pose_with({});
-    for (int k = 0; k < kDofs; ++k) centre[static_cast<std::size_t>(k)] = static_cast<float>(start[k]);
-    deviation.assign(static_cast<std::size_t>(d), 0.3f);
-    for (std::size_t k = 0; k < 3; ++k) deviation[k] = 0.05f;
-  }
-  ShapeVector some_shape() const {
-    ShapeVector beta = ShapeVector::Zero(model->shape_count());
-    beta[0] = 0.8;
-    return beta;
-  }
+struct Scene : tests::SwarmScene {
+  Scene() : SwarmScene(333, 10, 512) {}
   std::unique_ptr<SwarmBackend> make(WorkerPool& pool, const std::string& kernel = {}) const {
     const BodyModel* one = model.get();
     return make_cpu_swarm({&one, 1}, *prior, sizes, pool, kernel);

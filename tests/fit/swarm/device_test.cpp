@@ -10,10 +10,8 @@
 #include "fit/swarm/device/emulated_device.hpp"
 #include "fit/swarm/lanes.hpp"
 #include "fit/swarm/swarm_group.hpp"
+#include "tests/fit/swarm/swarm_scene.hpp"
 #include "tests/support/allocation_count.hpp"
-#include "tests/support/capsule_body.hpp"
-#include "tests/support/plain_prior.hpp"
-#include "tests/support/posed_cloud.hpp"
 
 namespace booth::fit {
 namespace {
@@ -22,26 +20,8 @@ using device::Faults;
 using device::Order;
 using tests::pose_with;
 
-struct Scene {
-  std::shared_ptr<const BodyModel> model = tests::capsule_body();
-  std::shared_ptr<const PosePrior> prior = tests::plain_prior();
-  Observation observation = tests::posed_cloud(*model, some_shape(), pose_with({{"lhumerus_rz", 30}, {"rradius_rx", 40}, {"lfemur_rx", -25}}), 0.003f, 4);
-  std::vector<float> centre, deviation;
-  SwarmSizes sizes{.swarm = {.particles = 101, .iterations = 4}, .energy = {.vertices = 640}};
-
-  Scene() {
-    const int d = kDofs + std::min(sizes.energy.shape_count, model->shape_count());
-    centre.assign(static_cast<std::size_t>(d), 0);
-    const PoseVector start = pose_with({});
-    for (int k = 0; k < kDofs; ++k) centre[static_cast<std::size_t>(k)] = static_cast<float>(start[k]);
-    deviation.assign(static_cast<std::size_t>(d), 0.3f);
-    for (std::size_t k = 0; k < 3; ++k) deviation[k] = 0.05f;
-  }
-  ShapeVector some_shape() const {
-    ShapeVector beta = ShapeVector::Zero(model->shape_count());
-    beta[0] = 0.8;
-    return beta;
-  }
+struct Scene : tests::SwarmScene {
+  Scene() : SwarmScene(101, 4, 640) {}
   std::unique_ptr<device::DeviceSwarm> make(Faults& faults, int processors = 8) const {
     const BodyModel* one = model.get();
     return device::make_device_swarm(device::make_emulated_device(faults, processors), {&one, 1}, *prior, sizes);
