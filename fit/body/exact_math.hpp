@@ -38,4 +38,18 @@ inline SinCos exact_sincos(double x) {
   }
 }
 
+/// Angle of the direction (cosine, sine), of length one, in (-pi, pi]; |error| < 1e-15. Newton's steps on exact_sincos() from a rough first guess.
+inline double exact_angle(double sine, double cosine) {
+  const bool steep = std::abs(sine) > std::abs(cosine);
+  const double small = steep ? cosine : sine;  // of the two, that whose arcsine is well-behaved
+  double angle = small * (1 + small * small * 0.2);
+  for (int k = 0; k < 4; ++k) {
+    const SinCos at = exact_sincos(angle);
+    angle += (small - at.sin) / at.cos;
+  }
+  constexpr double pi = 3.14159265358979323846;
+  if (steep) return sine > 0 ? pi / 2 - angle : angle - pi / 2;
+  return cosine > 0 ? angle : (sine >= 0 ? pi : -pi) - angle;
+}
+
 }  // namespace booth::fit

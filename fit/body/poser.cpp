@@ -163,6 +163,13 @@ void Poser::shape_row(int i, const Eigen::Vector3f& d, float* row) const {
   add_directions(g, shape_stride_, n, local[0], local[1], local[2], row);
 }
 
+std::size_t Poser::memory_bytes() const {
+  const std::size_t vertices = vertex_.size();
+  return sizeof(*this) + vertices * (sizeof(int) + 12 * sizeof(float) + sizeof(bone_[0]) + sizeof(weight_[0])) +
+         (directions_.size() + bone_shape_.size() + static_cast<std::size_t>(shaped_.size() + shaped_normals_.size())) * sizeof(float) +
+         joint_shape_.size() * sizeof(Points3);
+}
+
 Eigen::Matrix<double, 3, kDofs> Poser::joint_pose_jacobian(int joint) const {
   Eigen::Matrix<double, 3, kDofs> j = Eigen::Matrix<double, 3, kDofs>::Zero();
   j.leftCols<3>().setIdentity();

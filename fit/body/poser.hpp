@@ -43,6 +43,9 @@ class Poser {
   Eigen::Matrix<double, 3, kDofs> joint_pose_jacobian(int joint) const;
   Eigen::Vector3d joint_shape_derivative(int joint, int k) const { return joint_shape_[static_cast<std::size_t>(k)].col(joint); }
 
+  /// Taken in the constructor, the model itself not counted.
+  std::size_t memory_bytes() const;
+
   /// Posed vertices and unit normals, CMU frame, metres.
   std::vector<float> x, y, z, nx, ny, nz;
 

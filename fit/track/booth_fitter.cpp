@@ -9,10 +9,15 @@ namespace booth::fit {
 namespace {
 
 constexpr int kShapeCount = 24;  // coefficients that preset booth follows
-constexpr int kBatch = 14;       // candidates that get a first refinement together
-constexpr int kBatches = 3;      // of them at most: the next is tried only when the best so far does not convince
+constexpr int kEntrants = 36;    // candidates that enter a race of refinements: the best go on to the next, finer round
+constexpr int kHeats = 2;        // races at most: the second is run only when the winner of the first does not convince
+constexpr int kSecondRound = 12;
 constexpr double kConvincingData = 0.07, kConvincingFreeSpace = 0.03;
+constexpr double kSureData = 0.046, kSureFreeSpace = 0.02;  // a start that leaves more may have a limb in the wrong place
+constexpr double kSameMove = 0.06, kSameTurn = 0.15;        // m, rad: poses nearer than this are one finalist
 constexpr double kLimbGain = 0.98;      // share of the evidence's energy that a replaced limb may leave
+constexpr int kLimbFinalists = 5;  // of the proposed limbs, how many get a second look
+constexpr int kLimbRounds = 2;     // limbs of a start that may be replaced one after another
 constexpr double kFreshGain = 0.8;      // and a fresh start
 constexpr double kPatience = 0.5;       // seconds of doubt before a fresh start is tried, and between two of them
 constexpr double kLearnableData = 0.3;  // the shape is not learnt from frames that are explained worse
@@ -32,10 +37,13 @@ BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerP
       prior_(prior),
       parts_(parts),
       search_(model, prior, pool),
+      rough_(model, prior, {.shape_count = 1, .vertices = 700, .model_samples = 120}, pool),
       coarse_(model, prior, {.shape_count = 10, .vertices = 1500, .model_samples = 300}, pool),
       fine_(model, prior, {.shape_count = kShapeCount, .vertices = model.vertex_count(), .model_samples = 700}, pool) {
-  coarse_schedule_ = {.cloud_samples = 500, .model_samples = 200, .shape = false, .stages = {{8, 0.15f, 0.35f}}};
-  middle_schedule_ = {.cloud_samples = 800, .model_samples = 300, .shape = true, .stages = {{12, 0.08f, 0.20f}}};
+  rough_schedule_ = {.cloud_samples = 300, .model_samples = 120, .shape = false, .stages = {{3, 0.15f, 0.35f}}};
+  coarse_schedule_ = {.cloud_samples = 500, .model_samples = 200, .shape = false, .stages = {{5, 0.15f, 0.35f}}};
+  middle_schedule_ = {.cloud_samples = 800, .model_samples = 300, .shape = true, .stages = {{6, 0.08f, 0.20f}, {5, 0.04f, 0.12f}}};
+  limb_glance_schedule_ = {.cloud_samples = 400, .model_samples = 150, .shape = false, .stages = {{3, 0.10f, 0.25f}}};
   limb_schedule_ = {.cloud_samples = 600, .model_samples = 200, .shape = false, .stages = {{4, 0.10f, 0.25f}, {3, 0.04f, 0.12f}}};
   start_schedule_ = {.cloud_samples = 2000, .model_samples = 700, .shape = true, .stages = {{10, 0.05f, 0.15f}, {10, 0.025f, 0.10f}}};
   thorough_track_schedule_ = {.cloud_samples = 1500, .model_samples = 500, .shape = true, .stages = {{3, 0.05f, 0.15f}, {5, 0.025f, 0.10f}}};
@@ -46,7 +54,7 @@ BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerP
   if (!parts_.two_sided) weights_.effective_points = weights_.free_space = 0;
   fine_weights_ = weights_;
   if (!parts_.refinement)
-    for (RefineSchedule* s : {&coarse_schedule_, &middle_schedule_, &start_schedule_, &limb_schedule_, &thorough_track_schedule_, &track_schedule_})
+    for (RefineSchedule* s : {&rough_schedule_, &coarse_schedule_, &middle_schedule_, &start_schedule_, &limb_glance_schedule_, &limb_schedule_, &thorough_track_schedule_, &track_schedule_})
       for (auto& stage : s->stages) stage.iterations = 0;
   const auto identity = [](int n) {
     ShapeBelief b;
@@ -55,11 +63,12 @@ BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerP
     return b;
   };
   no_belief_ = identity(coarse_.shape_count());
+  rough_belief_ = identity(rough_.shape_count());
   if (!parts_.shape_prior) no_belief_.information *= kNoShapePrior;
   belief_ = identity(fine_.shape_count());
   vertex_velocity_ = Vertices::Zero(3, fine_.poser().size());
-  candidates_.reserve(kBatches * kBatch);
-  solutions_.resize(kBatch);
+  candidates_.reserve(StartSearch::kMostCandidates);
+  solutions_.resize(kEntrants);
   reset();
 }
 
@@ -86,6 +95,14 @@ void BoothFitter::remember(const Learnt& learnt) {
 
 bool BoothFitter::convincing(const RefineReport& report) { return report.data < kConvincingData && report.free_space < kConvincingFreeSpace; }
 
+std::size_t BoothFitter::memory_bytes() const {
+  return sizeof(*this) - sizeof(search_) - sizeof(rough_) - sizeof(coarse_) - sizeof(fine_) + search_.memory_bytes() + rough_.memory_bytes() +
+         coarse_.memory_bytes() + fine_.memory_bytes() + static_cast<std::size_t>(vertex_velocity_.size()) * sizeof(float) +
+         candidates_.capacity() * sizeof(StartCandidate) + solutions_.capacity() * sizeof(Solution);
+}
+
+bool BoothFitter::sure(const RefineReport& report) { return report.data < kSureData && report.free_space < kSureFreeSpace; }
+
 bool BoothFitter::accepted(const RefineReport& report, const Observation& observation) const {
   return observation.cloud.size >= kFewestPoints && report.data < kLostData && report.free_space < kLostFreeSpace;
 }
@@ -99,50 +116,80 @@ void BoothFitter::refine_fine(const Observation& observation, const RefineSchedu
 
 void BoothFitter::prepare_schedules(const Observation& observation) {
   // Without images only the cloud itself can say where the model does not belong.
-  for (RefineSchedule* s : {&coarse_schedule_, &middle_schedule_, &start_schedule_}) s->model_to_cloud = observation.views.empty() || !parts_.two_sided;
+  for (RefineSchedule* s : {&rough_schedule_, &coarse_schedule_, &middle_schedule_, &start_schedule_}) s->model_to_cloud = observation.views.empty() || !parts_.two_sided;
   middle_schedule_.shape = shape_frames_ == 0;
 }
 
-Solution BoothFitter::start(const Observation& observation) {
-  finalist_count_ = 0;
+void BoothFitter::refine_all(Refiner& refiner, const RefineSchedule& schedule, const ShapeBelief& belief, const Observation& observation,
+                             std::span<Solution> all) {
+  for (Solution& s : all) {
+    s.beta = beta_.head(refiner.shape_count());
+    s.report = refiner.refine(observation, weights_, schedule, {}, belief, nullptr, s.q, s.beta);
+    s.iterations += s.report.iterations;
+  }
+  std::sort(all.begin(), all.end(), [](const Solution& a, const Solution& b) { return a.report.energy < b.report.energy; });
+}
+
+std::size_t BoothFitter::keep_different(std::span<Solution> sorted, std::size_t most) {
+  std::size_t kept = 0;
+  for (Solution& s : sorted) {
+    if (kept == most) break;
+    const bool is_new = std::none_of(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(kept), [&](const Solution& other) {
+      const PoseVector d = (s.q - other.q).cwiseAbs();
+      return d.head<3>().maxCoeff() < kSameMove && d.tail<kDofs - 3>().maxCoeff() < kSameTurn;
+    });
+    if (is_new) std::swap(sorted[kept++], s);
+  }
+  return kept;
+}
+
+Solution BoothFitter::race(const Observation& observation, std::span<const StartCandidate> entrants) {
+  const std::span<Solution> all = std::span(solutions_).first(std::min(entrants.size(), solutions_.size()));
+  for (std::size_t i = 0; i < all.size(); ++i) all[i].q = entrants[i].q, all[i].iterations = 0;
+  refine_all(rough_, rough_schedule_, rough_belief_, observation, all);
+  const std::span<Solution> second = all.first(keep_different(all, kSecondRound));
+  refine_all(coarse_, coarse_schedule_, no_belief_, observation, second);
+  const std::span<Solution> last = second.first(keep_different(second, kFinalists));
+  refine_all(coarse_, middle_schedule_, no_belief_, observation, last);
+  Solution best = last.front();
+  best.iterations = 0;
+  for (const Solution& s : all) best.iterations += s.iterations;
+  return best;
+}
+
+Solution BoothFitter::start(const Observation& observation, int heats) {
   if (observation.cloud.size < kFewestPoints) return start_from(observation, {});
   prepare_schedules(observation);
   if (shape_frames_ > 0) search_.set_shape(beta_);
-  search_.search(observation, kBatches * kBatch, candidates_);
+  heats = std::clamp(heats, 1, kHeats);
+  search_.search(observation, heats * kEntrants, candidates_);
 
-  Solution best;
-  std::array<PoseVector, kFinalists> best_finalists;
-  int best_count = 0, iterations = 0;
-  bool last_is_best = true;
-  for (std::size_t first = 0; first < candidates_.size(); first += kBatch) {
-    auto end = solutions_.begin();
-    for (std::size_t c = first; c < std::min(first + kBatch, candidates_.size()); ++c) {
-      Solution& s = *end++;
-      s.q = candidates_[c].q;
-      s.beta = beta_.head(coarse_.shape_count());
-      s.report = coarse_.refine(observation, weights_, coarse_schedule_, {}, no_belief_, nullptr, s.q, s.beta);
-      iterations += s.report.iterations;
+  std::array<Solution, kHeats> winners;
+  int count = 0, iterations = 0;
+  for (int heat = 0; heat < kHeats; ++heat) {
+    const std::size_t first = static_cast<std::size_t>(heat) * kEntrants;
+    if (first >= candidates_.size()) break;
+    Solution& winner = winners[static_cast<std::size_t>(count++)];
+    winner = race(observation, std::span(candidates_).subspan(first, std::min<std::size_t>(kEntrants, candidates_.size() - first)));
+    // Often it is one limb that ended in the wrong place: cheaper to try than another race.
+    for (int k = 0; k < kLimbRounds && !sure(winner.report) && replace_limb(observation, winner); ++k) continue;
+    iterations += winner.iterations;
+    if (sure(winner.report)) {
+      std::swap(winner, winners.front());
+      count = 1;
+      break;
     }
-    std::sort(solutions_.begin(), end, [](const Solution& a, const Solution& b) { return a.report.energy < b.report.energy; });
-    std::array<PoseVector, kFinalists> poses;
-    const auto count = std::min<std::size_t>(kFinalists, static_cast<std::size_t>(end - solutions_.begin()));
-    for (std::size_t i = 0; i < count; ++i) poses[i] = solutions_[i].q;
-    const Solution s = start_from(observation, {poses.data(), count});
-    iterations += s.iterations;
-    last_is_best = first == 0 || s.report.energy < best.report.energy;
-    if (last_is_best) best = s, best_finalists = finalists_, best_count = finalist_count_;
-    if (convincing(best.report)) break;
-    if (!last_is_best) continue;
-    // Often it is one limb that ended in the wrong place: cheaper to try than another batch.
-    const RefineReport before = best.report;
-    last_is_best = find_lost_limbs(observation, start_schedule_, nullptr, best);
-    if (best.report.evidence < before.evidence) best_finalists[0] = best.q;
-    if (convincing(best.report)) break;
   }
-  finalists_ = best_finalists;
-  finalist_count_ = best_count;
-  if (!last_is_best) refine_fine(observation, start_schedule_, {}, nullptr, best);  // the refiner has to stand at the solution
+  static_assert(kHeats == 2);
+  if (count == 2 && winners[1].report.energy < winners[0].report.energy) std::swap(winners[0], winners[1]);
+  finalist_count_ = count;
+  for (int i = 0; i < count; ++i) finalists_[static_cast<std::size_t>(i)] = winners[static_cast<std::size_t>(i)].q;
+  Solution best;
+  best.q = winners.front().q;
+  best.beta = beta_;
+  best.beta.head(coarse_.shape_count()) = winners.front().beta;
   best.iterations = iterations;
+  refine_fine(observation, start_schedule_, {}, nullptr, best);
   return best;
 }
 
@@ -152,16 +199,13 @@ Solution BoothFitter::start_from(const Observation& observation, std::span<const
   finalist_count_ = 0;
   if (poses.empty() || observation.cloud.size < kFewestPoints) return best;
   prepare_schedules(observation);
-  auto end = solutions_.begin();
-  for (const PoseVector& q : poses.first(std::min<std::size_t>(poses.size(), kFinalists))) {
-    Solution& s = *end++;
-    s.q = q;
-    s.beta = beta_.head(coarse_.shape_count());
-    s.report = coarse_.refine(observation, weights_, middle_schedule_, {}, no_belief_, nullptr, s.q, s.beta);
-    best.iterations += s.report.iterations;
+  const std::span<Solution> all = std::span(solutions_).first(std::min<std::size_t>(poses.size(), kFinalists));
+  for (std::size_t i = 0; i < all.size(); ++i) all[i].q = poses[i], all[i].iterations = 0;
+  refine_all(coarse_, middle_schedule_, no_belief_, observation, all);
+  for (const Solution& s : all) {
+    finalists_[static_cast<std::size_t>(finalist_count_++)] = s.q;
+    best.iterations += s.iterations;
   }
-  std::sort(solutions_.begin(), end, [](const Solution& a, const Solution& b) { return a.report.energy < b.report.energy; });
-  for (auto s = solutions_.begin(); s != end; ++s) finalists_[static_cast<std::size_t>(finalist_count_++)] = s->q;
   best.q = solutions_.front().q;
   best.beta.head(coarse_.shape_count()) = solutions_.front().beta;
   refine_fine(observation, start_schedule_, {}, nullptr, best);
@@ -199,27 +243,45 @@ void BoothFitter::learn_shape(const Solution& solution) {
   ++shape_frames_;
 }
 
-bool BoothFitter::find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const Vertices* velocity, Solution& solution) {
+bool BoothFitter::better_limb(const Observation& observation, const ShapeVector& beta, PoseVector& q, int& iterations) {
   std::array<PoseVector, StartSearch::kLimbs * StartSearch::kPerLimb> poses;
-  const int count = search_.propose_limbs(observation, solution.beta, solution.q, poses);
-  if (count == 0) return true;
-  // Each against the pose as it is, on equal terms: a short coarse refinement of both.
-  limb_schedule_.model_to_cloud = observation.views.empty() || !parts_.two_sided;
-  const auto try_out = [&](PoseVector q) {
-    ShapeVector beta = solution.beta.head(coarse_.shape_count());
-    const RefineReport report = coarse_.refine(observation, weights_, limb_schedule_, {}, no_belief_, nullptr, q, beta);
-    return std::pair{report.evidence, q};
+  const int count = search_.propose_limbs(observation, beta, q, poses);
+  if (count == 0) return false;
+  // Each against the pose as it is, on equal terms: a short coarse refinement of both, a longer one of those that it leaves ahead.
+  limb_schedule_.model_to_cloud = limb_glance_schedule_.model_to_cloud = observation.views.empty() || !parts_.two_sided;
+  const auto try_out = [&](const RefineSchedule& schedule, PoseVector& pose) {
+    ShapeVector shape = beta.head(coarse_.shape_count());
+    const RefineReport report = coarse_.refine(observation, weights_, schedule, {}, no_belief_, nullptr, pose, shape);
+    iterations += report.iterations;
+    return report.evidence;
   };
-  auto [best, best_q] = try_out(solution.q);
-  const double as_it_is = best;
-  for (const PoseVector& pose : std::span(poses).first(static_cast<std::size_t>(count))) {
-    const auto [evidence, q] = try_out(pose);
-    if (evidence < best) best = evidence, best_q = q;
+  std::array<std::pair<double, int>, StartSearch::kLimbs * StartSearch::kPerLimb> order;
+  for (int k = 0; k < count; ++k) order[static_cast<std::size_t>(k)] = {try_out(limb_glance_schedule_, poses[static_cast<std::size_t>(k)]), k};
+  std::sort(order.begin(), order.begin() + count);
+  PoseVector as_it_is = q;
+  double least = kLimbGain * try_out(limb_schedule_, as_it_is);
+  bool better = false;
+  for (int k = 0; k < std::min(count, kLimbFinalists); ++k) {
+    PoseVector& pose = poses[static_cast<std::size_t>(order[static_cast<std::size_t>(k)].second)];
+    if (const double evidence = try_out(limb_schedule_, pose); evidence < least) least = evidence, q = pose, better = true;
   }
-  if (best > kLimbGain * as_it_is) return true;
+  return better;
+}
+
+bool BoothFitter::replace_limb(const Observation& observation, Solution& solution) {
   Solution other = solution;
-  other.q = best_q;
-  refine_fine(observation, schedule, {best_q, PoseVector::Zero()}, velocity, other);
+  if (!better_limb(observation, solution.beta, other.q, other.iterations)) return false;
+  refine_all(coarse_, middle_schedule_, no_belief_, observation, {&other, 1});
+  solution.iterations = other.iterations;
+  if (other.report.energy >= solution.report.energy) return false;
+  solution = other;
+  return true;
+}
+
+bool BoothFitter::find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const Vertices* velocity, Solution& solution) {
+  Solution other = solution;
+  if (!better_limb(observation, solution.beta, other.q, other.iterations)) return true;
+  refine_fine(observation, schedule, {other.q, PoseVector::Zero()}, velocity, other);
   if (other.report.evidence >= kLimbGain * solution.report.evidence) return false;
   solution = other;
   return true;

@@ -41,8 +41,8 @@ class BoothFitter {
   /// The body explains what is seen, so that no other need be tried.
   static bool convincing(const RefineReport& report);
 
-  /// From nothing. Does not change what is remembered: see adopt().
-  Solution start(const Observation& observation);
+  /// From nothing, in at most `heats` races of candidates (one or two). Does not change what is remembered: see adopt().
+  Solution start(const Observation& observation, int heats = 2);
   /// From the given poses: the best after a first refinement gets the full one.
   Solution start_from(const Observation& observation, std::span<const PoseVector> poses);
   /// The poses that the last start() or start_from() refined with some shape, best first: where another model may start.
@@ -61,11 +61,23 @@ class BoothFitter {
   /// The shape has been learnt from enough frames.
   bool shape_settled() const { return shape_frames_ >= kSettledFrames; }
   const BodyModel& model() const { return model_; }
-  std::size_t memory_bytes() const { return fine_.memory_bytes() + coarse_.memory_bytes(); }
+  std::size_t memory_bytes() const;
 
  private:
   static constexpr int kSettledFrames = 20;
   void prepare_schedules(const Observation& observation);
+  /// Nothing is left that a limb in the wrong place would leave.
+  static bool sure(const RefineReport& report);
+  /// Each from its q, with the shape that is known; sorted by what they leave.
+  void refine_all(Refiner& refiner, const RefineSchedule& schedule, const ShapeBelief& belief, const Observation& observation, std::span<Solution> all);
+  /// Moves the best `most` poses that differ from each other to the front; returns how many.
+  static std::size_t keep_different(std::span<Solution> sorted, std::size_t most);
+  /// Rough refinements of all, finer ones of the best, one with some shape of the last few. The winner has coarse_'s coefficients.
+  Solution race(const Observation& observation, std::span<const StartCandidate> entrants);
+  /// Puts a limb of q elsewhere if that explains clearly more. Leaves the coarse refiner anywhere.
+  bool better_limb(const Observation& observation, const ShapeVector& beta, PoseVector& q, int& iterations);
+  /// The same for a winner of a race.
+  bool replace_limb(const Observation& observation, Solution& solution);
   /// Takes a limb's other pose where that explains the cloud better. False: the refiner does not stand at the solution any more.
   bool find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const Vertices* velocity, Solution& solution);
   bool start_afresh(const Observation& observation, Solution& solution);
@@ -78,13 +90,13 @@ class BoothFitter {
   const FitParts parts_;
   RefineWeights weights_, fine_weights_;
   StartSearch search_;
-  Refiner coarse_, fine_;
-  RefineSchedule coarse_schedule_, limb_schedule_, middle_schedule_, start_schedule_, thorough_track_schedule_, track_schedule_;
+  Refiner rough_, coarse_, fine_;
+  RefineSchedule rough_schedule_, coarse_schedule_, limb_glance_schedule_, limb_schedule_, middle_schedule_, start_schedule_, thorough_track_schedule_, track_schedule_;
 
   // What is remembered of the person.
   PoseVector q_ = PoseVector::Zero(), velocity_ = PoseVector::Zero();
   ShapeVector beta_;
-  ShapeBelief belief_, no_belief_;
+  ShapeBelief belief_, no_belief_, rough_belief_;
   double time_ = 0;
   int shape_frames_ = 0, tracked_frames_ = 0;
   double doubtful_since_ = 0;  ///< time of the last convincing frame, or of the last fresh start that did not help
