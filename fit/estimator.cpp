@@ -109,11 +109,13 @@ struct Estimator::Impl {
     result = FitResult{};
   }
 
-  /// From nothing, from `initial`, or from where another model's search ended.
-  Solution solve(Candidate& c, const Observation& observation, const PoseVector* initial, const Candidate* searched = nullptr) {
+  /// From nothing, from `initial`, or from where another model's search ended; `known`: with the body that is known.
+  Solution solve(Candidate& c, const Observation& observation, const PoseVector* initial, const Candidate* searched = nullptr, bool known = false) {
     if (c.booth) {
       if (initial) return c.booth->start_from(observation, {initial, 1});
-      return searched ? c.booth->start_from(observation, searched->booth->finalists()) : c.booth->start(observation);
+      if (searched) return c.booth->start_from(observation, searched->booth->finalists());
+      if (known) return c.booth->start(observation, nullptr, 1);
+      return c.booth->start(observation, candidates.size() > 1 ? candidates[1].booth.get() : nullptr);
     }
     return c.paper->step(observation, {settings.seed, observation.frame}, initial);
   }
@@ -151,7 +153,7 @@ struct Estimator::Impl {
   /// Somebody who was lost is looked for with the body that is known. Where that does not convince, it may be somebody else: then as if new.
   Solution meet_again(const Observation& observation, const PoseVector* initial, Candidate*& chosen) {
     chosen = person;
-    Solution known = solve(*person, observation, initial);
+    Solution known = solve(*person, observation, initial, nullptr, true);
     rival = nullptr;
     if (!person->booth || observation.cloud.size == 0 || BoothFitter::convincing(known.report)) return known;
     const BoothFitter::Learnt kept = person->booth->learnt();
@@ -296,7 +298,7 @@ DeviceBytes Estimator::device_bytes() const { return impl_->on_device; }
 
 std::size_t Estimator::memory_bytes() const {
   std::size_t bytes = sizeof(Impl);
-  for (const auto& c : impl_->candidates) bytes += c.booth ? c.booth->memory_bytes() : c.paper->memory_bytes();
+  for (const auto& c : impl_->candidates) bytes += c.diagnostics->memory_bytes() + (c.booth ? c.booth->memory_bytes() : c.paper->memory_bytes());
   if (impl_->swarm) bytes += impl_->swarm->memory_bytes();
   return bytes;
 }

@@ -61,6 +61,11 @@ SurfaceDistance::SurfaceDistance(const Faces& faces, int vertex_count) : faces_(
   }
 }
 
+std::size_t SurfaceDistance::memory_bytes() const {
+  return sizeof(*this) + static_cast<std::size_t>(faces_.size()) * sizeof(int) + (first_face_.capacity() + face_of_vertex_.capacity()) * sizeof(int) +
+         (static_cast<std::size_t>(vertices_.size()) + 3 * (x_.capacity() + nx_.capacity())) * sizeof(float) + grid_.memory_bytes();
+}
+
 void SurfaceDistance::set(const Vertices& vertices) { set(vertices, nullptr); }
 
 void SurfaceDistance::set(const Vertices& vertices, const Vertices& normals) { set(vertices, &normals); }

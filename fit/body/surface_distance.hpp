@@ -33,6 +33,8 @@ class SurfaceDistance {
   /// cosine is above min_cosine (zero normal: any vertex). After set() with normals.
   SurfaceFoot closest(const Eigen::Vector3f& p, float reach, const Eigen::Vector3f& normal, float min_cosine) const;
 
+  std::size_t memory_bytes() const;
+
  private:
   void set(const Vertices& vertices, const Vertices* normals);
   const Faces faces_;

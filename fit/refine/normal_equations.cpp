@@ -34,14 +34,17 @@ BOOTH_KERNEL void add_gradient(const float* row, double residual, int unknowns, 
   for (int i = 0; i < unknowns; ++i) gradient[i] += residual * static_cast<double>(row[i]);
 }
 
+constexpr int kMostStride = (kMaxUnknowns + 15) / 16 * 16;
+
 }  // namespace
 
 NormalEquations::NormalEquations() {
-  constexpr int stride = (kMaxUnknowns + 15) / 16 * 16;
-  block_.assign(kBlock * stride, 0);
+  block_.assign(kBlock * kMostStride, 0);
   residual_.assign(kBlock, 0);
-  product_.assign(static_cast<std::size_t>(kMaxUnknowns) * stride, 0);
+  product_.assign(static_cast<std::size_t>(kMaxUnknowns) * kMostStride, 0);
 }
+
+std::size_t NormalEquations::heap_bytes() { return (kBlock * kMostStride + kBlock + static_cast<std::size_t>(kMaxUnknowns) * kMostStride) * sizeof(float); }
 
 void NormalEquations::reset(int unknowns) {
   unknowns_ = unknowns;

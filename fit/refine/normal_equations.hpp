@@ -33,6 +33,9 @@ class NormalEquations {
   /// Sum of w r^2.
   double energy();
 
+  /// Taken by each in the constructor, beside its own size.
+  static std::size_t heap_bytes();
+
  private:
   void flush();
   static constexpr int kBlock = 64;

@@ -68,16 +68,15 @@ Refiner::Refiner(const BodyModel& model, const PosePrior& prior, RefinerSize siz
 }
 
 std::size_t Refiner::memory_bytes() const {
-  const auto vertices = static_cast<std::size_t>(poser_.size()), shape = static_cast<std::size_t>(poser_.shape_count());
-  return sizeof(*this) + vertices * (12 + 3 * shape + 4) * sizeof(float) +
-         portions_.size() * (sizeof(Portion) + 2 * kMaxUnknowns * kMaxUnknowns * sizeof(float));
+  return sizeof(*this) - sizeof(poser_) + poser_.memory_bytes() + grid_.memory_bytes() + cloud_grid_.memory_bytes() +
+         kThinCloud * (6 * sizeof(float) + sizeof(std::uint8_t)) + portions_.size() * (sizeof(Portion) + NormalEquations::heap_bytes());
 }
 
 void Refiner::collect(const Problem& problem, int portion) {
   Portion& out = portions_[static_cast<std::size_t>(portion)];
   const int unknowns = kDofs + (problem.schedule.shape ? shape_count() : 0);
   out.equations.reset(unknowns);
-  out.data = out.data_count = out.violations = out.tested = out.energy = 0;
+  out.data = out.data_count = out.unexplained = out.violations = out.tested = out.energy = 0;
   const bool with_shape = problem.schedule.shape;
   const Observation& observation = problem.observation;
   const RefineWeights& weights = problem.weights;
@@ -106,6 +105,7 @@ void Refiner::collect(const Problem& problem, int portion) {
     const int v = pn.isZero() ? grid_.nearest(p, problem.stage.reach) : grid_.nearest(p, problem.stage.reach, pn, kNormalGate);
     if (v < 0) {
       out.data += static_cast<double>(cloth);
+      out.unexplained += 1;
       out.energy += static_cast<double>(cloth * data_weight * robust.scale2);
       continue;
     }
@@ -118,6 +118,7 @@ void Refiner::collect(const Problem& problem, int portion) {
     const float say = along < 0 ? cloth : 1.0f;
     const float w = say * data_weight * robust.weight(r2);
     out.data += static_cast<double>(say * robust.cost(r2) / robust.scale2);
+    out.unexplained += r2 > robust.scale2;
     out.energy += static_cast<double>(say * data_weight * robust.cost(r2));
     add_row(v, n, along, w);
     if (tangential <= 0 || s % kTangentialStep != 0) continue;
@@ -314,7 +315,8 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
     for (int p = 1; p < kPortions; ++p) {
       Portion& other = portions_[static_cast<std::size_t>(p)];
       sum.equations.add(other.equations);
-      sum.data += other.data, sum.data_count += other.data_count, sum.violations += other.violations, sum.tested += other.tested, sum.energy += other.energy;
+      sum.data += other.data, sum.data_count += other.data_count;
+      sum.unexplained += other.unexplained, sum.violations += other.violations, sum.tested += other.tested, sum.energy += other.energy;
     }
     data_information_ = sum.equations.hessian();
     hessian_ = data_information_;
@@ -323,6 +325,7 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
     report.evidence = sum.energy;
     add_priors(problem, pose, shape, hessian_, gradient_, energy);
     report.data = sum.data / std::max(sum.data_count, 1.0);
+    report.unexplained = sum.unexplained / std::max(sum.data_count, 1.0);
     report.free_space = sum.violations / std::max(sum.tested, 1.0);
     return energy;
   };

@@ -57,6 +57,7 @@ struct RefineReport {
   double energy = 0;      ///< at the solution, last stage's robust scale, without the priors' constant parts
   double evidence = 0;    ///< the part of the energy that is not priors: cloud, images, floor
   double data = 0;        ///< robust mean of the cloud's squared distance / robust^2: 0 = all explained, 1 = nothing
+  double unexplained = 0;  ///< fraction of the cloud's points farther from the body than the robust scale
   double free_space = 0;  ///< fraction of the tested model samples that stand in free space
   int iterations = 0;
 };
@@ -106,7 +107,7 @@ class Refiner {
   static constexpr int kPortions = 8, kThinCloud = 4000;
   struct Portion {
     NormalEquations equations;
-    double data = 0, data_count = 0, violations = 0, tested = 0, energy = 0;
+    double data = 0, data_count = 0, unexplained = 0, violations = 0, tested = 0, energy = 0;
   };
   std::vector<Portion> portions_;
   UnknownMatrix information_, data_information_, hessian_, damped_;

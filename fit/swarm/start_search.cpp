@@ -17,13 +17,15 @@ constexpr float kNormalCost = 0.02f;       // m^2 for a right angle between the 
 constexpr float kSameCandidate = 0.10f;    // m, root mean square of the samples: refining both would find the same minimum
 constexpr int kTasks = 32;
 constexpr int kLookShare = 6;          // of the candidates, the best one in so many is judged by all samples
-constexpr float kLowCloud = 1.1f;      // m; a person whose cloud is higher does not lie
 constexpr float kUnseenBelow = 0.03f;  // m that the middle of a lying body is below that of its points: no camera sees its lower side
-constexpr float kUpright2 = 0.64f;     // squared vertical part of the longest axis of a body that does not lie
+constexpr double kUpright2 = 0.64;    // squared vertical part of the longest axis of a body that does not lie
 constexpr float kNotWorse = 1.01f;                          // of the cost, so much may a limb's new angles leave: refinement decides
 constexpr int kMostLimbPoses = 64;                          // of a limb that are tried: exemplars share many
 constexpr double kOtherPose = 0.3;                          // rad; angles closer than this (largest difference) refine to the same
 constexpr std::array<int, 4> kLimbFirstDof{9, 15, 24, 30};  // clavicle to forearm, hip to foot; six angles each
+constexpr int kArms = 2;                                    // of the limbs, the first
+constexpr int kTwists = 8;                                  // of an upper arm
+constexpr std::array<double, 3> kBends{0.3, 1.0, 1.8};      // rad, of an elbow
 
 /// For each cloud point the least cost to any vertex; each vertex's least cost in `column`.
 BOOTH_KERNEL void pair_costs(const float* ax, const float* ay, const float* az, const float* anx, const float* any, const float* anz, int na, const float* bx,
@@ -97,7 +99,8 @@ StartSearch::StartSearch(const BodyModel& model, const PosePrior& prior, WorkerP
   straight_.assign(count, Sample(kSamples));
   turns_.reserve(kMostTurns);
   candidates_.reserve(count * kMostTurns);
-  limb_order_.reserve(count);
+  limb_poses_.reserve(kMostLimbPoses + kTwists * kBends.size());
+  limb_order_.reserve(limb_poses_.capacity());
   chosen_.assign(kMostCandidates, Sample(kSamples));
   work_.assign(kTasks, Sample(kSamples));
   // Limb poses that differ: each time the one that is farthest from those there are.
@@ -123,7 +126,7 @@ std::size_t StartSearch::memory_bytes() const {
   for (const auto& c : limb_choice_) choices += c.capacity() * sizeof(int);
   return sizeof(*this) + poser_.memory_bytes() + limb_poser_.memory_bytes() + samples * (sizeof(Sample) + 6 * kSamples * sizeof(float)) +
          6 * (kLimbSamples + kGlance) * sizeof(float) + turns_.capacity() * sizeof(Turn) + candidates_.capacity() * sizeof(candidates_[0]) +
-         limb_order_.capacity() * sizeof(limb_order_[0]) + choices;
+         limb_poses_.capacity() * sizeof(LimbPose) + limb_order_.capacity() * sizeof(limb_order_[0]) + choices;
 }
 
 void StartSearch::set_shape(const ShapeVector& beta) {
@@ -157,11 +160,9 @@ void StartSearch::list_turns() {
   constexpr double pi = std::numbers::pi;
   turns_.clear();
   for (int h = 0; h < kHeadings; ++h) turns_.push_back(turned(0, (h > kHeadings / 2 ? h - kHeadings : h) * 2 * pi / kHeadings, 0, true));
-  float high = -std::numeric_limits<float>::max();
-  for (int s = 0; s < cloud_samples_; ++s) high = std::max(high, cloud_.y[s]);
   const Eigen::Vector3d axis = longest_axis(cloud_.x, cloud_.y, cloud_.z, cloud_samples_);
   const double flat = std::sqrt(axis.x() * axis.x() + axis.z() * axis.z());
-  if (high - ground_ > kLowCloud || axis.y() * axis.y() > static_cast<double>(kUpright2) || !(flat > 0)) return;
+  if (axis.y() * axis.y() > kUpright2 || !(flat > 0)) return;
   // A quarter turn about z lays the body along -x, so that a turn about x rolls it and the heading points it along the cloud.
   for (const double sense : {1.0, -1.0}) {
     const double heading = exact_angle(sense * axis.z() / flat, -sense * axis.x() / flat);
@@ -218,6 +219,34 @@ int StartSearch::sample_cloud(const Cloud& cloud, int most, Sample& out) {
   return count;
 }
 
+void StartSearch::list_limb_poses(int limb, const PoseVector& q) {
+  const int first = kLimbFirstDof[static_cast<std::size_t>(limb)];
+  limb_poses_.clear();
+  for (const int e : limb_choice_[static_cast<std::size_t>(limb)]) limb_poses_.push_back(prior_.exemplars.col(e).segment<6>(first));
+  if (limb >= kArms) return;
+  // The forearm by itself: an elbow in its place, bent another way. Turns of the upper arm about its own length, which is the y axis of its frame.
+  const auto [sx, cx] = exact_sincos(q[first + 2]);
+  const auto [sy, cy] = exact_sincos(q[first + 3]);
+  const auto [sz, cz] = exact_sincos(q[first + 4]);
+  const Eigen::Matrix3d x = (Eigen::Matrix3d() << 1, 0, 0, 0, cx, -sx, 0, sx, cx).finished();
+  const Eigen::Matrix3d y = (Eigen::Matrix3d() << cy, 0, sy, 0, 1, 0, -sy, 0, cy).finished();
+  const Eigen::Matrix3d z = (Eigen::Matrix3d() << cz, -sz, 0, sz, cz, 0, 0, 0, 1).finished();
+  const Eigen::Matrix3d upper_arm = z * y * x;
+  for (int t = 0; t < kTwists; ++t) {
+    const auto [s, c] = exact_sincos(t * 2 * std::numbers::pi / kTwists);
+    const Eigen::Matrix3d m = upper_arm * (Eigen::Matrix3d() << c, 0, s, 0, 1, 0, -s, 0, c).finished();
+    const double across = std::sqrt(std::max(1 - m(2, 0) * m(2, 0), 1e-12));
+    LimbPose pose = q.segment<6>(first);
+    pose[2] = exact_angle(m(2, 1) / across, m(2, 2) / across);
+    pose[3] = exact_angle(-m(2, 0), across);
+    pose[4] = exact_angle(m(1, 0) / across, m(0, 0) / across);
+    for (const double bend : kBends) {
+      pose[5] = bend;
+      limb_poses_.push_back(pose);
+    }
+  }
+}
+
 int StartSearch::propose_limbs(const Observation& observation, const ShapeVector& beta, const PoseVector& q, std::span<PoseVector, kLimbs * kPerLimb> out) {
   if (observation.cloud.size < 50) return 0;
   cloud_samples_ = sample_cloud(observation.cloud, kLimbSamples, cloud_);
@@ -232,24 +261,26 @@ int StartSearch::propose_limbs(const Observation& observation, const ShapeVector
   };
   const float limit = kNotWorse * cost_of(q);
   int count = 0;
-  for (std::size_t limb = 0; limb < kLimbs; ++limb) {
-    const int first = kLimbFirstDof[limb];
-    const auto other = [&](const PoseVector& a, const PoseVector& b) { return (a - b).segment<6>(first).cwiseAbs().maxCoeff() > kOtherPose; };
+  for (int limb = 0; limb < kLimbs; ++limb) {
+    const int first = kLimbFirstDof[static_cast<std::size_t>(limb)];
+    const auto other = [](const LimbPose& a, const LimbPose& b) { return (a - b).cwiseAbs().maxCoeff() > kOtherPose; };
+    list_limb_poses(limb, q);
     limb_order_.clear();
-    for (const int e : limb_choice_[limb]) {
-      PoseVector trial = q;
-      trial.segment<6>(first) = prior_.exemplars.col(e).segment<6>(first);
-      if (const float c = cost_of(trial); c < limit && other(trial, q)) limb_order_.push_back({c, e});
+    PoseVector trial = q;
+    for (std::size_t k = 0; k < limb_poses_.size(); ++k) {
+      trial.segment<6>(first) = limb_poses_[k];
+      if (const float c = cost_of(trial); c < limit && other(limb_poses_[k], q.segment<6>(first))) limb_order_.push_back({c, static_cast<int>(k)});
     }
     std::sort(limb_order_.begin(), limb_order_.end());
     const int begin = count;
-    for (const auto& [cost, e] : limb_order_) {
+    for (const auto& [cost, k] : limb_order_) {
       if (count == begin + kPerLimb) break;
-      PoseVector trial = q;
-      trial.segment<6>(first) = prior_.exemplars.col(e).segment<6>(first);
+      const LimbPose& pose = limb_poses_[static_cast<std::size_t>(k)];
       bool is_new = true;
-      for (int k = begin; k < count; ++k) is_new = is_new && other(trial, out[static_cast<std::size_t>(k)]);
-      if (is_new) out[static_cast<std::size_t>(count++)] = trial;
+      for (int o = begin; o < count; ++o) is_new = is_new && other(pose, out[static_cast<std::size_t>(o)].segment<6>(first));
+      if (!is_new) continue;
+      trial.segment<6>(first) = pose;
+      out[static_cast<std::size_t>(count++)] = trial;
     }
   }
   return count;

@@ -18,8 +18,8 @@ struct StartCandidate {
   float cost;  ///< robust two-sided mean squared distance, m^2; lower is better
 };
 
-/// A swarm without velocities: every exemplar of the pose prior at kHeadings headings; where the cloud is low and long, also lying along its longest
-/// axis, head at either end, at kRolls turns about that axis. The work is bounded by these numbers. All buffers are taken in the constructor.
+/// A swarm without velocities: every exemplar of the pose prior at kHeadings headings; where the cloud is long and not upright, also lying along its
+/// longest axis, head at either end, at kRolls turns about that axis. The work is bounded by these numbers. All buffers are taken in the constructor.
 /// Deterministic for any number of threads.
 class StartSearch {
  public:
@@ -39,8 +39,8 @@ class StartSearch {
   /// than 50 points.
   void search(const Observation& observation, int count, std::vector<StartCandidate>& out);
 
-  /// Ways out when a limb was lost although the trunk is right: pose q with one arm or leg at the angles of an exemplar, the kPerLimb that explain
-  /// the cloud best for each limb, if they are clearly another pose and not clearly worse. Fills `out` from the front; returns how many.
+  /// Ways out when a limb was lost although the trunk is right: pose q with one arm or leg at the angles of an exemplar, or with one forearm pointing
+  /// another way; the kPerLimb that explain the cloud best for each limb, if they are clearly another pose and not clearly worse. Fills `out` from the front; returns how many.
   static constexpr int kPerLimb = 4, kLimbs = 4;
   int propose_limbs(const Observation& observation, const ShapeVector& beta, const PoseVector& q, std::span<PoseVector, kLimbs * kPerLimb> out);
 
@@ -63,6 +63,8 @@ class StartSearch {
   /// Puts an exemplar on the ground, its middle at the cloud's; returns where the root is.
   Eigen::Vector3f place(int exemplar, const Turn& turn, Sample& out) const;
   PoseVector pose_of(int candidate) const;
+  using LimbPose = Eigen::Matrix<double, 6, 1>;
+  void list_limb_poses(int limb, const PoseVector& q);
   static float score(const Sample& cloud, int cloud_count, const float* x, const float* y, const float* z, const float* nx, const float* ny, const float* nz,
                      int count);
   static float score(const Sample& cloud, int cloud_count, const Sample& body, int count);
@@ -82,7 +84,8 @@ class StartSearch {
   std::vector<Turn> turns_;
   std::vector<std::pair<float, int>> candidates_;                   ///< cost, and exemplar * kMostTurns + turn
   std::array<std::vector<int>, kLimbs> limb_choice_;                ///< exemplars whose limb differs from the others'
-  std::vector<std::pair<float, int>> limb_order_;                   ///< cost and exemplar
+  std::vector<LimbPose> limb_poses_;                                ///< that one limb is tried in
+  std::vector<std::pair<float, int>> limb_order_;                   ///< cost and index into them
   std::vector<Sample> chosen_, work_;                               ///< accepted candidates; one scratch sample for each task
   static constexpr int kMostTurns = kHeadings + 2 * kRolls;
 };

@@ -13,7 +13,8 @@ constexpr int kEntrants = 36;    // candidates that enter a race of refinements:
 constexpr int kHeats = 2;        // races at most: the second is run only when the winner of the first does not convince
 constexpr int kSecondRound = 12;
 constexpr double kConvincingData = 0.07, kConvincingFreeSpace = 0.03;
-constexpr double kSureData = 0.046, kSureFreeSpace = 0.02;  // a start that leaves more may have a limb in the wrong place
+constexpr double kSureData = 0.0325, kSureUnexplained = 0.005, kSureFreeSpace = 0.025;  // the winner of a race that leaves more may have a limb wrong
+constexpr double kDoubtfulData = 0.042;                                                  // and so may a finished start
 constexpr double kSameMove = 0.06, kSameTurn = 0.15;        // m, rad: poses nearer than this are one finalist
 constexpr double kLimbGain = 0.98;      // share of the evidence's energy that a replaced limb may leave
 constexpr int kLimbFinalists = 5;  // of the proposed limbs, how many get a second look
@@ -101,7 +102,9 @@ std::size_t BoothFitter::memory_bytes() const {
          candidates_.capacity() * sizeof(StartCandidate) + solutions_.capacity() * sizeof(Solution);
 }
 
-bool BoothFitter::sure(const RefineReport& report) { return report.data < kSureData && report.free_space < kSureFreeSpace; }
+bool BoothFitter::sure(const RefineReport& report) { 
+  return report.data < kSureData && report.unexplained < kSureUnexplained && report.free_space < kSureFreeSpace;
+}
 
 bool BoothFitter::accepted(const RefineReport& report, const Observation& observation) const {
   return observation.cloud.size >= kFewestPoints && report.data < kLostData && report.free_space < kLostFreeSpace;
@@ -157,7 +160,7 @@ Solution BoothFitter::race(const Observation& observation, std::span<const Start
   return best;
 }
 
-Solution BoothFitter::start(const Observation& observation, int heats) {
+Solution BoothFitter::start(const Observation& observation, BoothFitter* other_model, int heats) {
   if (observation.cloud.size < kFewestPoints) return start_from(observation, {});
   prepare_schedules(observation);
   if (shape_frames_ > 0) search_.set_shape(beta_);
@@ -171,9 +174,18 @@ Solution BoothFitter::start(const Observation& observation, int heats) {
     if (first >= candidates_.size()) break;
     Solution& winner = winners[static_cast<std::size_t>(count++)];
     winner = race(observation, std::span(candidates_).subspan(first, std::min<std::size_t>(kEntrants, candidates_.size() - first)));
+    BoothFitter* better = this;
+    if (!sure(winner.report) && other_model) {
+      Solution other = winner;
+      other_model->prepare_schedules(observation);
+      other_model->refine_all(other_model->coarse_, other_model->middle_schedule_, other_model->no_belief_, observation, {&other, 1});
+      winner.iterations = other.iterations;
+      if (other.report.energy < winner.report.energy) winner = other, better = other_model;
+    }
     // Often it is one limb that ended in the wrong place: cheaper to try than another race.
-    for (int k = 0; k < kLimbRounds && !sure(winner.report) && replace_limb(observation, winner); ++k) continue;
+    for (int k = 0; k < kLimbRounds && !sure(winner.report) && better->replace_limb(observation, winner); ++k) continue;
     iterations += winner.iterations;
+    if (better != this) winner.beta.setZero();
     if (sure(winner.report)) {
       std::swap(winner, winners.front());
       count = 1;
@@ -187,9 +199,11 @@ Solution BoothFitter::start(const Observation& observation, int heats) {
   Solution best;
   best.q = winners.front().q;
   best.beta = beta_;
-  best.beta.head(coarse_.shape_count()) = winners.front().beta;
+  if (!winners.front().beta.isZero()) best.beta.head(coarse_.shape_count()) = winners.front().beta;
   best.iterations = iterations;
   refine_fine(observation, start_schedule_, {}, nullptr, best);
+  if (count == 1 && best.report.data > kDoubtfulData && !find_lost_limbs(observation, start_schedule_, nullptr, best))
+    refine_fine(observation, start_schedule_, {}, nullptr, best);  // the refiner has to stand at the solution
   return best;
 }
 
@@ -293,7 +307,7 @@ bool BoothFitter::start_afresh(const Observation& observation, Solution& solutio
   const PoseVector kept_velocity = velocity_;
   const int kept_tracked = tracked_frames_;
   reset();
-  const Solution fresh = start(observation);
+  const Solution fresh = start(observation, nullptr);
   if (fresh.found && fresh.report.evidence < kFreshGain * solution.report.evidence) {
     solution = fresh;
     adopt(observation, fresh);

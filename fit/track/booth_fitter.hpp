@@ -41,8 +41,9 @@ class BoothFitter {
   /// The body explains what is seen, so that no other need be tried.
   static bool convincing(const RefineReport& report);
 
-  /// From nothing, in at most `heats` races of candidates (one or two). Does not change what is remembered: see adopt().
-  Solution start(const Observation& observation, int heats = 2);
+  /// From nothing, in at most `heats` races of candidates (one or two). `other_model`, another fitter or null, is asked as well whether a race has
+  /// found the person, who may be of the other sex. Does not change what is remembered: see adopt().
+  Solution start(const Observation& observation, BoothFitter* other_model, int heats = 2);
   /// From the given poses: the best after a first refinement gets the full one.
   Solution start_from(const Observation& observation, std::span<const PoseVector> poses);
   /// The poses that the last start() or start_from() refined with some shape, best first: where another model may start.

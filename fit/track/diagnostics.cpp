@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/body/surface_distance.hpp"
 #include "fit/cloud/projection.hpp"
 #include "fit/track/joint_uncertainty.hpp"
 
@@ -36,8 +35,15 @@ Diagnostics::Diagnostics(const BodyModel& model)
       poser_(model, model.shape_count(), model.vertex_count()),
       body_(model.vertex_count()),
       cloud_(kSamples),
-      vertices_(3, model.vertex_count()) {
+      vertices_(3, model.vertex_count()),
+      surface_(model.data().faces, model.vertex_count()) {
+  surface_.set(model.data().mean);  // so that it grows now
   for (auto* a : {&distance_, &x_, &y_, &z_, &nx_, &ny_, &nz_}) a->resize(kSamples);
+}
+
+std::size_t Diagnostics::memory_bytes() const {
+  return sizeof(*this) - sizeof(poser_) - sizeof(surface_) + poser_.memory_bytes() + surface_.memory_bytes() + body_.memory_bytes() + cloud_.memory_bytes() +
+         static_cast<std::size_t>(vertices_.size()) * sizeof(float) + 7 * kSamples * sizeof(float);
 }
 
 void Diagnostics::describe(const Observation& observation, bool exact, FitResult& result) {
@@ -51,8 +57,7 @@ void Diagnostics::describe(const Observation& observation, bool exact, FitResult
   const int count = std::min(kSamples, cloud.size);
   body_.rebuild(poser_.x.data(), poser_.y.data(), poser_.z.data(), poser_.nx.data(), poser_.ny.data(), poser_.nz.data(), poser_.size());
   std::array<int, kBones> seen{};
-  std::optional<SurfaceDistance> surface;
-  if (exact) surface.emplace(model_.data().faces, model_.vertex_count()), surface->set(vertices_);
+  if (exact) surface_.set(vertices_);
   for (int s = 0; s < count; ++s) {
     const auto i = static_cast<std::size_t>(static_cast<std::int64_t>(s) * cloud.size / count), o = static_cast<std::size_t>(s);
     x_[o] = cloud.x[i], y_[o] = cloud.y[i], z_[o] = cloud.z[i];
@@ -65,7 +70,7 @@ void Diagnostics::describe(const Observation& observation, bool exact, FitResult
       const float along = difference.dot(poser_.normal(v));
       const float across2 = difference.squaredNorm() - along * along;
       // The tangent plane is as good as the surface within a vertex's own patch.
-      distance = surface                     ? surface->distance(p)
+      distance = exact                       ? surface_.distance(p)
                  : across2 < 0.015f * 0.015f ? std::abs(along)
                                              : std::min(difference.norm(), std::sqrt(along * along + across2 * 0.25f));
       if (distance < kExplained) ++seen[static_cast<std::size_t>(poser_.main_bone(v))];

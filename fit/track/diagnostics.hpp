@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "fit/body/surface_distance.hpp"
 #include "fit/estimator.hpp"
 #include "fit/refine/refiner.hpp"
 
@@ -22,6 +23,8 @@ class Diagnostics {
   void covariance(const UnknownMatrix& information, const UnknownMatrix& shape_information, FitResult& result) const;
 
   const Vertices& vertices() const { return vertices_; }
+  /// Taken in the constructor.
+  std::size_t memory_bytes() const;
 
  private:
   static constexpr int kSamples = 2000;
@@ -29,6 +32,7 @@ class Diagnostics {
   Poser poser_;
   PointGrid body_, cloud_;
   Vertices vertices_;
+  SurfaceDistance surface_;
   std::vector<float> distance_, x_, y_, z_, nx_, ny_, nz_;
 };
 
