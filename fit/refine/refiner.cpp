@@ -72,7 +72,7 @@ std::size_t Refiner::memory_bytes() const {
          kThinCloud * (6 * sizeof(float) + sizeof(std::uint8_t)) + portions_.size() * (sizeof(Portion) + NormalEquations::heap_bytes());
 }
 
-void Refiner::collect(const Problem& problem, int portion) {
+void Refiner::collect(const Problem& problem, int portion, bool rows) {
   Portion& out = portions_[static_cast<std::size_t>(portion)];
   const int unknowns = kDofs + (problem.schedule.shape ? shape_count() : 0);
   out.equations.reset(unknowns);
@@ -82,6 +82,7 @@ void Refiner::collect(const Problem& problem, int portion) {
   const RefineWeights& weights = problem.weights;
 
   const auto add_row = [&](int vertex, const Eigen::Vector3f& direction, float residual, float weight) {
+    if (!rows) return;
     const float root = std::sqrt(weight);
     float* row = out.equations.next_row();
     const Eigen::Vector3f scaled = root * direction;
@@ -309,8 +310,8 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
     if (schedule.shape) poser_.prepare_shape_derivatives();
     grid_.rebuild(poser_.x.data(), poser_.y.data(), poser_.z.data(), poser_.nx.data(), poser_.ny.data(), poser_.nz.data(), poser_.size());
   };
-  const auto evaluate_here = [&](const PoseVector& pose, const ShapeVector& shape) {
-    pool_.run(kPortions, [&](int portion) { collect(problem, portion); });
+  const auto evaluate_here = [&](const PoseVector& pose, const ShapeVector& shape, bool rows) {
+    pool_.run(kPortions, [&](int portion) { collect(problem, portion, rows); });
     Portion& sum = portions_[0];
     for (int p = 1; p < kPortions; ++p) {
       Portion& other = portions_[static_cast<std::size_t>(p)];
@@ -318,9 +319,9 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
       sum.data += other.data, sum.data_count += other.data_count;
       sum.unexplained += other.unexplained, sum.violations += other.violations, sum.tested += other.tested, sum.energy += other.energy;
     }
-    data_information_ = sum.equations.hessian();
-    hessian_ = data_information_;
+    hessian_ = sum.equations.hessian();
     gradient_ = sum.equations.gradient();
+    if (rows) data_information_ = hessian_;
     double energy = sum.energy;
     report.evidence = sum.energy;
     add_priors(problem, pose, shape, hessian_, gradient_, energy);
@@ -335,32 +336,37 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
     problem.stage = stage;
     double damping = kFirstDamping;
     if (!standing) pose_at(q, beta);
-    double energy = evaluate_here(q, beta);
+    double energy = evaluate_here(q, beta, true);
     standing = true;
     information_ = hessian_;
     step_ = gradient_;
     UnknownVector gradient = gradient_;
     bool converged = false;
+    const bool last_stage = &stage == &schedule.stages.back();
     for (int iteration = 0; iteration < stage.iterations && !converged; ++iteration) {
       damped_ = information_;
       for (int i = 0; i < unknowns; ++i) damped_(i, i) += damping * information_(i, i) + 1e-6;
       step_ = damped_.ldlt().solve(gradient);
       step_ *= -step_fraction(step_);
+      // What the quadratic model promises; a step that promises nothing is not worth looking at.
+      const double promised = -2 * gradient.dot(step_) - step_.dot(information_ * step_);
+      if (step_.cwiseAbs().maxCoeff() < kConverged || promised < kNoGain * energy) break;
       const PoseVector trial_q = q + step_.head<kDofs>();
       ShapeVector trial_beta = beta;
       if (schedule.shape) trial_beta += step_.tail(shape_count());
       pose_at(trial_q, trial_beta);
-      const double trial = evaluate_here(trial_q, trial_beta);
+      // Of the last step only the figures are wanted: the curvature hardly changes any more.
+      const bool rows = schedule.shape || !last_stage || iteration + 1 < stage.iterations;
+      const double trial = evaluate_here(trial_q, trial_beta, rows);
       standing = trial <= energy;
       ++report.iterations;
       if (standing) {
-        converged = step_.cwiseAbs().maxCoeff() < kConverged || energy - trial < kNoGain * energy;
+        converged = energy - trial < kNoGain * energy;
         q = trial_q, beta = trial_beta, energy = trial;
-        information_ = hessian_;
-        gradient = gradient_;
+        if (rows) information_ = hessian_, gradient = gradient_;
         damping = std::max(damping * 0.3, 1e-6);
       } else {
-        converged = step_.cwiseAbs().maxCoeff() < kConverged || damping >= kMostDamping;
+        converged = damping >= kMostDamping;
         damping *= 8;
       }
     }
@@ -368,8 +374,8 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
   }
   if (!standing) {  // leave the poser, the grid and the figures at the solution
     pose_at(q, beta);
-    evaluate_here(q, beta);
-    information_ = hessian_;
+    evaluate_here(q, beta, schedule.shape);
+    if (schedule.shape) information_ = hessian_;
   }
   return report;
 }

@@ -95,7 +95,8 @@ class Refiner {
   void fill_cloud_grid(const Cloud& cloud);
   /// The poser's vertices are in spread order, so its first ones are evenly spread.
   static int spread_vertex(int sample) { return sample; }
-  void collect(const Problem& problem, int portion);
+  /// `rows`: with derivatives; without, only the figures.
+  void collect(const Problem& problem, int portion, bool rows);
   void add_priors(const Problem& problem, const PoseVector& q, const ShapeVector& beta, UnknownMatrix& h, UnknownVector& g, double& energy) const;
 
   const PosePrior& prior_;
