@@ -348,9 +348,7 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
       for (int i = 0; i < unknowns; ++i) damped_(i, i) += damping * information_(i, i) + 1e-6;
       step_ = damped_.ldlt().solve(gradient);
       step_ *= -step_fraction(step_);
-      // What the quadratic model promises; a step that promises nothing is not worth looking at.
-      const double promised = -2 * gradient.dot(step_) - step_.dot(information_ * step_);
-      if (step_.cwiseAbs().maxCoeff() < kConverged || promised < kNoGain * energy) break;
+      if (schedule.least_promise > 0 && -2 * gradient.dot(step_) - step_.dot(information_ * step_) < schedule.least_promise * energy) break;
       const PoseVector trial_q = q + step_.head<kDofs>();
       ShapeVector trial_beta = beta;
       if (schedule.shape) trial_beta += step_.tail(shape_count());
@@ -361,12 +359,12 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
       standing = trial <= energy;
       ++report.iterations;
       if (standing) {
-        converged = energy - trial < kNoGain * energy;
+        converged = step_.cwiseAbs().maxCoeff() < kConverged || energy - trial < kNoGain * energy;
         q = trial_q, beta = trial_beta, energy = trial;
         if (rows) information_ = hessian_, gradient = gradient_;
         damping = std::max(damping * 0.3, 1e-6);
       } else {
-        converged = damping >= kMostDamping;
+        converged = step_.cwiseAbs().maxCoeff() < kConverged || damping >= kMostDamping;
         damping *= 8;
       }
     }

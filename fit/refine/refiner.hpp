@@ -45,6 +45,7 @@ struct RefineSchedule {
   int model_samples = 600;
   bool model_to_cloud = false;  ///< for clouds without views: vertices also look for the cloud
   bool shape = true;            ///< false: the shape is held
+  double least_promise = 0;     ///< share of the energy that a step must promise to take off, else the stage ends without looking at it
   struct Stage {
     int iterations;
     float robust;  ///< m; residuals much larger than this lose their say
@@ -54,11 +55,11 @@ struct RefineSchedule {
 };
 
 struct RefineReport {
-  double energy = 0;      ///< at the solution, last stage's robust scale, without the priors' constant parts
-  double evidence = 0;    ///< the part of the energy that is not priors: cloud, images, floor
-  double data = 0;        ///< robust mean of the cloud's squared distance / robust^2: 0 = all explained, 1 = nothing
+  double energy = 0;       ///< at the solution, last stage's robust scale, without the priors' constant parts
+  double evidence = 0;     ///< the part of the energy that is not priors: cloud, images, floor
+  double data = 0;         ///< robust mean of the cloud's squared distance / robust^2: 0 = all explained, 1 = nothing
   double unexplained = 0;  ///< fraction of the cloud's points farther from the body than the robust scale
-  double free_space = 0;  ///< fraction of the tested model samples that stand in free space
+  double free_space = 0;   ///< fraction of the tested model samples that stand in free space
   int iterations = 0;
 };
 

@@ -16,9 +16,9 @@ constexpr float kCutoff2 = 0.25f * 0.25f;  // m^2; further away is just wrong
 constexpr float kNormalCost = 0.02f;       // m^2 for a right angle between the normals
 constexpr float kSameCandidate = 0.10f;    // m, root mean square of the samples: refining both would find the same minimum
 constexpr int kTasks = 32;
-constexpr int kLookShare = 6;          // of the candidates, the best one in so many is judged by all samples
-constexpr float kUnseenBelow = 0.03f;  // m that the middle of a lying body is below that of its points: no camera sees its lower side
-constexpr double kUpright2 = 0.64;    // squared vertical part of the longest axis of a body that does not lie
+constexpr int kLookShare = 6;                               // of the candidates, the best one in so many is judged by all samples
+constexpr float kUnseenBelow = 0.03f;                       // m that the middle of a lying body is below that of its points: no camera sees its lower side
+constexpr double kUpright2 = 0.64;                          // squared vertical part of the longest axis of a body that does not lie
 constexpr float kNotWorse = 1.01f;                          // of the cost, so much may a limb's new angles leave: refinement decides
 constexpr int kMostLimbPoses = 64;                          // of a limb that are tried: exemplars share many
 constexpr double kOtherPose = 0.3;                          // rad; angles closer than this (largest difference) refine to the same
@@ -110,8 +110,7 @@ StartSearch::StartSearch(const BodyModel& model, const PosePrior& prior, WorkerP
       limb_choice_[limb].push_back(static_cast<int>(next));
       const Eigen::Matrix<double, 6, 1> angles = prior.exemplars.col(next).segment<6>(kLimbFirstDof[limb]);
       for (std::size_t e = 0; e < count; ++e)
-        distance[e] =
-            std::min(distance[e], (prior.exemplars.col(static_cast<Eigen::Index>(e)).segment<6>(kLimbFirstDof[limb]) - angles).cwiseAbs().maxCoeff());
+        distance[e] = std::min(distance[e], (prior.exemplars.col(static_cast<Eigen::Index>(e)).segment<6>(kLimbFirstDof[limb]) - angles).cwiseAbs().maxCoeff());
       const auto farthest = std::max_element(distance.begin(), distance.end());
       if (*farthest < kOtherPose) break;
       next = farthest - distance.begin();
@@ -136,7 +135,8 @@ void StartSearch::set_shape(const ShapeVector& beta) {
     q[0] = q[1] = q[2] = q[4] = 0;
     for (Sample* s : {&leaning_[e], &straight_[e]}) {
       poser_.set_pose(q);
-      for (auto [to, from] : {std::pair{&s->x, &poser_.x}, {&s->y, &poser_.y}, {&s->z, &poser_.z}, {&s->nx, &poser_.nx}, {&s->ny, &poser_.ny}, {&s->nz, &poser_.nz}})
+      for (auto [to, from] :
+           {std::pair{&s->x, &poser_.x}, {&s->y, &poser_.y}, {&s->z, &poser_.z}, {&s->nx, &poser_.nx}, {&s->ny, &poser_.ny}, {&s->nz, &poser_.nz}})
         std::copy_n(from->begin(), samples_, to->begin());
       q[3] = q[5] = 0;
     }

@@ -40,7 +40,8 @@ class StartSearch {
   void search(const Observation& observation, int count, std::vector<StartCandidate>& out);
 
   /// Ways out when a limb was lost although the trunk is right: pose q with one arm or leg at the angles of an exemplar, or with one forearm pointing
-  /// another way; the kPerLimb that explain the cloud best for each limb, if they are clearly another pose and not clearly worse. Fills `out` from the front; returns how many.
+  /// another way; the kPerLimb that explain the cloud best for each limb, if they are clearly another pose and not clearly worse. Fills `out` from the front;
+  /// returns how many.
   static constexpr int kPerLimb = 4, kLimbs = 4;
   int propose_limbs(const Observation& observation, const ShapeVector& beta, const PoseVector& q, std::span<PoseVector, kLimbs * kPerLimb> out);
 
@@ -82,11 +83,11 @@ class StartSearch {
   Eigen::Vector3f middle_ = Eigen::Vector3f::Zero();  ///< of the cloud
   float ground_ = 0;
   std::vector<Turn> turns_;
-  std::vector<std::pair<float, int>> candidates_;                   ///< cost, and exemplar * kMostTurns + turn
-  std::array<std::vector<int>, kLimbs> limb_choice_;                ///< exemplars whose limb differs from the others'
-  std::vector<LimbPose> limb_poses_;                                ///< that one limb is tried in
-  std::vector<std::pair<float, int>> limb_order_;                   ///< cost and index into them
-  std::vector<Sample> chosen_, work_;                               ///< accepted candidates; one scratch sample for each task
+  std::vector<std::pair<float, int>> candidates_;     ///< cost, and exemplar * kMostTurns + turn
+  std::array<std::vector<int>, kLimbs> limb_choice_;  ///< exemplars whose limb differs from the others'
+  std::vector<LimbPose> limb_poses_;                  ///< that one limb is tried in
+  std::vector<std::pair<float, int>> limb_order_;     ///< cost and index into them
+  std::vector<Sample> chosen_, work_;                 ///< accepted candidates; one scratch sample for each task
   static constexpr int kMostTurns = kHeadings + 2 * kRolls;
 };
 

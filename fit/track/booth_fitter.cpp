@@ -13,13 +13,14 @@ constexpr int kEntrants = 36;    // candidates that enter a race of refinements:
 constexpr int kHeats = 2;        // races at most: the second is run only when the winner of the first does not convince
 constexpr int kSecondRound = 12;
 constexpr double kConvincingData = 0.07, kConvincingFreeSpace = 0.03;
-constexpr double kSureData = 0.0325, kSureUnexplained = 0.005, kSureFreeSpace = 0.025;  // the winner of a race that leaves more may have a limb wrong
-constexpr double kDoubtfulData = 0.042;                                                  // and so may a finished start
-constexpr double kSameMove = 0.06, kSameTurn = 0.15;        // m, rad: poses nearer than this are one finalist
-constexpr double kLimbGain = 0.98;      // share of the evidence's energy that a replaced limb may leave
-constexpr int kLimbFinalists = 5;  // of the proposed limbs, how many get a second look
-constexpr int kLimbRounds = 2;     // limbs of a start that may be replaced one after another
-constexpr double kFreshGain = 0.8;      // and a fresh start
+constexpr double kSureData = 0.034, kSureUnexplained = 0.005, kSureFreeSpace = 0.025;  // the winner of a race that leaves more may have a limb wrong
+constexpr double kDoubtfulData = 0.042;                                                // and so may a finished start
+constexpr double kStartPromise = 2e-4;                                                 // of the energy, that a step of a start must promise
+constexpr double kSameMove = 0.06, kSameTurn = 0.15;                                   // m, rad: poses nearer than this are one finalist
+constexpr double kLimbGain = 0.98;                                                     // share of the evidence's energy that a replaced limb may leave
+constexpr int kLimbFinalists = 5;                                                      // of the proposed limbs, how many get a second look
+constexpr int kLimbRounds = 2;                                                         // limbs of a start that may be replaced one after another
+constexpr double kFreshGain = 0.8;                                                     // and a fresh start
 constexpr double kPatience = 0.5;       // seconds of doubt before a fresh start is tried, and between two of them
 constexpr double kLearnableData = 0.3;  // the shape is not learnt from frames that are explained worse
 constexpr int kFewestPoints = 200;      // fewer are no person
@@ -50,12 +51,15 @@ BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerP
   thorough_track_schedule_ = {.cloud_samples = 1500, .model_samples = 500, .shape = true, .stages = {{3, 0.05f, 0.15f}, {5, 0.025f, 0.10f}}};
   // Near the solution one robust scale and half the steps come to the same place: see docs/design/performance-pipeline.md.
   track_schedule_ = {.cloud_samples = 1500, .model_samples = 500, .shape = false, .stages = {{5, 0.03f, 0.12f}}};
+  for (RefineSchedule* s : {&rough_schedule_, &coarse_schedule_, &middle_schedule_, &start_schedule_, &limb_glance_schedule_, &limb_schedule_})
+    s->least_promise = kStartPromise;
   if (!parts_.pose_prior) weights_.pose_outside = weights_.pose_inside = weights_.limits = 0;
   if (!parts_.symmetry) weights_.bone = 0;
   if (!parts_.two_sided) weights_.effective_points = weights_.free_space = 0;
   fine_weights_ = weights_;
   if (!parts_.refinement)
-    for (RefineSchedule* s : {&rough_schedule_, &coarse_schedule_, &middle_schedule_, &start_schedule_, &limb_glance_schedule_, &limb_schedule_, &thorough_track_schedule_, &track_schedule_})
+    for (RefineSchedule* s : {&rough_schedule_, &coarse_schedule_, &middle_schedule_, &start_schedule_, &limb_glance_schedule_, &limb_schedule_,
+                              &thorough_track_schedule_, &track_schedule_})
       for (auto& stage : s->stages) stage.iterations = 0;
   const auto identity = [](int n) {
     ShapeBelief b;
@@ -102,7 +106,7 @@ std::size_t BoothFitter::memory_bytes() const {
          candidates_.capacity() * sizeof(StartCandidate) + solutions_.capacity() * sizeof(Solution);
 }
 
-bool BoothFitter::sure(const RefineReport& report) { 
+bool BoothFitter::sure(const RefineReport& report) {
   return report.data < kSureData && report.unexplained < kSureUnexplained && report.free_space < kSureFreeSpace;
 }
 
@@ -119,7 +123,8 @@ void BoothFitter::refine_fine(const Observation& observation, const RefineSchedu
 
 void BoothFitter::prepare_schedules(const Observation& observation) {
   // Without images only the cloud itself can say where the model does not belong.
-  for (RefineSchedule* s : {&rough_schedule_, &coarse_schedule_, &middle_schedule_, &start_schedule_}) s->model_to_cloud = observation.views.empty() || !parts_.two_sided;
+  for (RefineSchedule* s : {&rough_schedule_, &coarse_schedule_, &middle_schedule_, &start_schedule_})
+    s->model_to_cloud = observation.views.empty() || !parts_.two_sided;
   middle_schedule_.shape = shape_frames_ == 0;
 }
 
@@ -183,7 +188,7 @@ Solution BoothFitter::start(const Observation& observation, BoothFitter* other_m
       if (other.report.energy < winner.report.energy) winner = other, better = other_model;
     }
     // Often it is one limb that ended in the wrong place: cheaper to try than another race.
-    for (int k = 0; k < kLimbRounds && !sure(winner.report) && better->replace_limb(observation, winner); ++k) continue;
+    for (int k = 0; k < (heat == 0 ? kLimbRounds : 1) && !sure(winner.report) && better->replace_limb(observation, winner); ++k) continue;
     iterations += winner.iterations;
     if (better != this) winner.beta.setZero();
     if (sure(winner.report)) {

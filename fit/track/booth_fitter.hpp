@@ -92,7 +92,8 @@ class BoothFitter {
   RefineWeights weights_, fine_weights_;
   StartSearch search_;
   Refiner rough_, coarse_, fine_;
-  RefineSchedule rough_schedule_, coarse_schedule_, limb_glance_schedule_, limb_schedule_, middle_schedule_, start_schedule_, thorough_track_schedule_, track_schedule_;
+  RefineSchedule rough_schedule_, coarse_schedule_, limb_glance_schedule_, limb_schedule_, middle_schedule_, start_schedule_, thorough_track_schedule_,
+      track_schedule_;
 
   // What is remembered of the person.
   PoseVector q_ = PoseVector::Zero(), velocity_ = PoseVector::Zero();

@@ -1,12 +1,16 @@
-// Forward kinematics against an independent implementation's results, and the mirror.
+// Forward kinematics against an independent implementation's results, the mirror, and the angles they are made of.
 #include "fit/body/skeleton.hpp"
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
+#include <numbers>
 #include <sstream>
 #include <string>
 #include <vector>
+
+#include "fit/body/exact_math.hpp"
 
 namespace booth::fit {
 namespace {
@@ -83,6 +87,15 @@ TEST(Skeleton, KneesBendBackwardsAndElbowsForwards) {
   EXPECT_LT(bent.joint(2, ankle), neutral.joint(2, ankle) - 0.2);
   EXPECT_GT(bent.joint(1, ankle), neutral.joint(1, ankle) + 0.1);
   EXPECT_GT(bent.joint(1, wrist), neutral.joint(1, wrist) + 0.05);
+}
+
+TEST(ExactMath, AnAngleComesBackFromItsSineAndCosine) {
+  for (int k = -180; k <= 180; ++k) {
+    const double angle = k * std::numbers::pi / 180;
+    const SinCos at = exact_sincos(angle);
+    const double back = exact_angle(at.sin, at.cos);
+    EXPECT_NEAR(std::remainder(back - angle, 2 * std::numbers::pi), 0, 1e-14) << k;
+  }
 }
 
 }  // namespace

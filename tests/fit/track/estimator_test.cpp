@@ -2,6 +2,7 @@
 #include "fit/estimator.hpp"
 
 #include <gtest/gtest.h>
+#include <malloc.h>
 
 #include <numbers>
 
@@ -47,6 +48,30 @@ TEST_F(EstimatorTest, ARaisedLeftArmComesOutAsTheLeftArm) {
     EXPECT_LT(joint(r, "rwrist").y(), joint(r, "rshoulder").y() - 0.2) << heading;
     EXPECT_LT(main_joint_error(r, *men, beta, q), 0.03) << heading;
   }
+}
+
+TEST_F(EstimatorTest, SomebodyWhoLiesOnTheirSideIsFound) {
+  // None of the prior's typical poses lies: the search lays them along the cloud.
+  for (const double heading : {20.0, 160.0}) {
+    const PoseVector q = pose_with({{"root_rz", 90}, {"root_ry", heading}, {"root_rx", 10}, {"lfemur_rx", -30}, {"ltibia_rx", 35}});
+    const auto estimator = make();
+    const FitResult& r = estimator->fit(posed_cloud(*men, beta, q));
+    ASSERT_EQ(r.state, FitState::estimated);
+    EXPECT_LT(main_joint_error(r, *men, beta, q), 0.04) << heading;
+  }
+}
+
+TEST_F(EstimatorTest, TheMemoryPlanIsWhatConstructionTakes) {
+  const auto held = [] {
+    const struct mallinfo2 m = mallinfo2();
+    return static_cast<double>(m.uordblks + m.hblkhd);
+  };
+  const double before = held();
+  const auto estimator = make({.threads = 1});
+  const double taken = held() - before;
+  if (!(taken > 0)) GTEST_SKIP() << "skipped: this allocator does not say what it holds";
+  EXPECT_GT(static_cast<double>(estimator->memory_bytes()), 0.9 * taken);
+  EXPECT_LT(static_cast<double>(estimator->memory_bytes()), 1.15 * taken);
 }
 
 TEST_F(EstimatorTest, LearnsAnIndividualBody) {
