@@ -219,11 +219,11 @@ int StartSearch::sample_cloud(const Cloud& cloud, int most, Sample& out) {
   return count;
 }
 
-void StartSearch::list_limb_poses(int limb, const PoseVector& q) {
+void StartSearch::list_limb_poses(int limb, const PoseVector& q, bool forearms) {
   const int first = kLimbFirstDof[static_cast<std::size_t>(limb)];
   limb_poses_.clear();
   for (const int e : limb_choice_[static_cast<std::size_t>(limb)]) limb_poses_.push_back(prior_.exemplars.col(e).segment<6>(first));
-  if (limb >= kArms) return;
+  if (!forearms || limb >= kArms) return;
   // The forearm by itself: an elbow in its place, bent another way. Turns of the upper arm about its own length, which is the y axis of its frame.
   const auto [sx, cx] = exact_sincos(q[first + 2]);
   const auto [sy, cy] = exact_sincos(q[first + 3]);
@@ -247,7 +247,8 @@ void StartSearch::list_limb_poses(int limb, const PoseVector& q) {
   }
 }
 
-int StartSearch::propose_limbs(const Observation& observation, const ShapeVector& beta, const PoseVector& q, std::span<PoseVector, kLimbs * kPerLimb> out) {
+int StartSearch::propose_limbs(const Observation& observation, const ShapeVector& beta, const PoseVector& q, bool forearms,
+                               std::span<PoseVector, kLimbs * kPerLimb> out) {
   if (observation.cloud.size < 50) return 0;
   cloud_samples_ = sample_cloud(observation.cloud, kLimbSamples, cloud_);
   if (beta != limb_shape_) {
@@ -264,7 +265,7 @@ int StartSearch::propose_limbs(const Observation& observation, const ShapeVector
   for (int limb = 0; limb < kLimbs; ++limb) {
     const int first = kLimbFirstDof[static_cast<std::size_t>(limb)];
     const auto other = [](const LimbPose& a, const LimbPose& b) { return (a - b).cwiseAbs().maxCoeff() > kOtherPose; };
-    list_limb_poses(limb, q);
+    list_limb_poses(limb, q, forearms);
     limb_order_.clear();
     PoseVector trial = q;
     for (std::size_t k = 0; k < limb_poses_.size(); ++k) {

@@ -39,11 +39,11 @@ class StartSearch {
   /// than 50 points.
   void search(const Observation& observation, int count, std::vector<StartCandidate>& out);
 
-  /// Ways out when a limb was lost although the trunk is right: pose q with one arm or leg at the angles of an exemplar, or with one forearm pointing
-  /// another way; the kPerLimb that explain the cloud best for each limb, if they are clearly another pose and not clearly worse. Fills `out` from the front;
-  /// returns how many.
+  /// Ways out when a limb was lost although the trunk is right: pose q with one arm or leg at the angles of an exemplar, or (`forearms`) with one
+  /// forearm pointing another way; the kPerLimb that explain the cloud best for each limb, if they are clearly another pose and not clearly worse. Fills `out`
+  /// from the front; returns how many.
   static constexpr int kPerLimb = 4, kLimbs = 4;
-  int propose_limbs(const Observation& observation, const ShapeVector& beta, const PoseVector& q, std::span<PoseVector, kLimbs * kPerLimb> out);
+  int propose_limbs(const Observation& observation, const ShapeVector& beta, const PoseVector& q, bool forearms, std::span<PoseVector, kLimbs * kPerLimb> out);
 
   std::size_t memory_bytes() const;
 
@@ -65,7 +65,7 @@ class StartSearch {
   Eigen::Vector3f place(int exemplar, const Turn& turn, Sample& out) const;
   PoseVector pose_of(int candidate) const;
   using LimbPose = Eigen::Matrix<double, 6, 1>;
-  void list_limb_poses(int limb, const PoseVector& q);
+  void list_limb_poses(int limb, const PoseVector& q, bool forearms);
   static float score(const Sample& cloud, int cloud_count, const float* x, const float* y, const float* z, const float* nx, const float* ny, const float* nz,
                      int count);
   static float score(const Sample& cloud, int cloud_count, const Sample& body, int count);

@@ -262,9 +262,9 @@ void BoothFitter::learn_shape(const Solution& solution) {
   ++shape_frames_;
 }
 
-bool BoothFitter::better_limb(const Observation& observation, const ShapeVector& beta, PoseVector& q, int& iterations) {
+bool BoothFitter::better_limb(const Observation& observation, const ShapeVector& beta, bool forearms, PoseVector& q, int& iterations) {
   std::array<PoseVector, StartSearch::kLimbs * StartSearch::kPerLimb> poses;
-  const int count = search_.propose_limbs(observation, beta, q, poses);
+  const int count = search_.propose_limbs(observation, beta, q, forearms, poses);
   if (count == 0) return false;
   // Each against the pose as it is, on equal terms: a short coarse refinement of both, a longer one of those that it leaves ahead.
   limb_schedule_.model_to_cloud = limb_glance_schedule_.model_to_cloud = observation.views.empty() || !parts_.two_sided;
@@ -289,7 +289,7 @@ bool BoothFitter::better_limb(const Observation& observation, const ShapeVector&
 
 bool BoothFitter::replace_limb(const Observation& observation, Solution& solution) {
   Solution other = solution;
-  if (!better_limb(observation, solution.beta, other.q, other.iterations)) return false;
+  if (!better_limb(observation, solution.beta, true, other.q, other.iterations)) return false;
   refine_all(coarse_, middle_schedule_, no_belief_, observation, {&other, 1});
   solution.iterations = other.iterations;
   if (other.report.energy >= solution.report.energy) return false;
@@ -299,7 +299,8 @@ bool BoothFitter::replace_limb(const Observation& observation, Solution& solutio
 
 bool BoothFitter::find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const Vertices* velocity, Solution& solution) {
   Solution other = solution;
-  if (!better_limb(observation, solution.beta, other.q, other.iterations)) return true;
+  // Between two frames a forearm does not turn about: what fits better there is seldom true.
+  if (!better_limb(observation, solution.beta, velocity == nullptr, other.q, other.iterations)) return true;
   refine_fine(observation, schedule, {other.q, PoseVector::Zero()}, velocity, other);
   if (other.report.evidence >= kLimbGain * solution.report.evidence) return false;
   solution = other;

@@ -75,8 +75,8 @@ class BoothFitter {
   static std::size_t keep_different(std::span<Solution> sorted, std::size_t most);
   /// Rough refinements of all, finer ones of the best, one with some shape of the last few. The winner has coarse_'s coefficients.
   Solution race(const Observation& observation, std::span<const StartCandidate> entrants);
-  /// Puts a limb of q elsewhere if that explains clearly more. Leaves the coarse refiner anywhere.
-  bool better_limb(const Observation& observation, const ShapeVector& beta, PoseVector& q, int& iterations);
+  /// Puts a limb of q (or a forearm) elsewhere if that explains clearly more. Leaves the coarse refiner anywhere.
+  bool better_limb(const Observation& observation, const ShapeVector& beta, bool forearms, PoseVector& q, int& iterations);
   /// The same for a winner of a race.
   bool replace_limb(const Observation& observation, Solution& solution);
   /// Takes a limb's other pose where that explains the cloud better. False: the refiner does not stand at the solution any more.
