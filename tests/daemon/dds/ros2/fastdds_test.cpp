@@ -1,0 +1,90 @@
+// Heard by another vendor's DDS, the default one of ROS 2: every topic found under its name, type and hash, every field what it must be.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <map>
+#include <sstream>
+
+#include "daemon/dds/dds_link.hpp"
+#include "daemon/dds/ros2/ros2_topics.hpp"
+#include "drivers/clock/system_clock.hpp"
+#include "tests/daemon/dds/peer.hpp"
+#include "tests/daemon/dds/ros2/expectations.hpp"
+#include "tests/daemon/support/fake_booth.hpp"
+#include "tests/daemon/support/program.hpp"
+#include "tests/daemon/support/temporary_folder.hpp"
+
+namespace booth::tests {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// What the other vendor's program has said so far.
+struct Said {
+  std::map<std::string, Json> writers, samples;  ///< by topic; the last of each
+  std::map<std::string, int> matched;
+};
+Said read_lines(const std::string& text) {
+  Said out;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    const Json j = Json::parse(line, nullptr, false);
+    if (j.is_discarded()) continue;  // the last line may not be whole yet
+    if (j.contains("writer")) out.writers[j.at("writer")] = j;
+    if (j.contains("matched")) ++out.matched[j.at("matched")];
+    if (j.contains("sample")) out.samples[j.at("topic")] = j.at("sample");
+  }
+  return out;
+}
+
+TEST(Ros2FastDds, HearsEveryFieldOfEveryTopic) {
+  if (!std::filesystem::exists(BOOTH_BINARY_DIR "/bin/booth-fastdds-reader"))
+    GTEST_SKIP() << "skipped: libfastrtps-dev, fastddsgen and a Java runtime were not there when this was configured";
+  drivers::SystemClock clock;
+  daemon::DdsSettings settings = loopback("front-hall");
+  settings.ros2 = daemon::Ros2Settings{.name_space = "site", .cameras = two_cameras()};
+  daemon::DdsLink link(settings, clock, [](daemon::DdsCommand) { return daemon::DdsAnswer{}; });
+  const daemon::RosNames names("front-hall", "site");
+
+  TemporaryFolder folder;
+  Program reader("booth-fastdds-reader", {std::to_string(settings.domain), names.body, "/site"}, folder.path / "heard");
+  ASSERT_TRUE(eventually([&] { return read_lines(reader.output()).matched.size() == daemon::kRos2Topics; }, 60s)) << reader.output();
+
+  const daemon::FrameRecord frame = posed_frame();
+  const fit::Cloud cloud = numbered_cloud(20'000);
+  link.offer_cloud(cloud, frame.captured_ns);
+  link.publish(frame);
+  ASSERT_TRUE(eventually([&] { return read_lines(reader.output()).samples.size() == daemon::kRos2Topics; }, 60s)) << reader.output();
+
+  const Said said = read_lines(reader.output());
+  for (int t = 0; t < daemon::kRos2Topics; ++t) {
+    const auto topic = static_cast<daemon::Ros2Topic>(t);
+    const auto& info = daemon::ros2_topic_info(topic);
+    const auto writer = said.writers.find("rt" + daemon::ros2_topic_name(topic, names));
+    ASSERT_NE(writer, said.writers.end()) << daemon::ros2_topic_name(topic, names);
+    EXPECT_EQ(writer->second.at("type"), info.type->m_typename);
+    EXPECT_EQ(writer->second.at("user_data"), std::string("typehash=") + info.hash + ";");
+    EXPECT_EQ(writer->second.at("partitions"), 0);
+    EXPECT_EQ(writer->second.at("reliable"), true);
+    EXPECT_EQ(writer->second.at("transient_local"), info.latched);
+  }
+  EXPECT_EQ(said.writers.size(), static_cast<std::size_t>(daemon::kRos2Topics)) << "no other topic of ROS 2";
+  expect_tracked(said.samples.at("/site/humans/bodies/tracked"), "front_hall", true, frame.captured_utc_ns);
+  expect_joint_states(said.samples.at("/site/humans/bodies/front_hall/joint_states"), "front_hall", frame);
+  expect_tf(said.samples.at("/tf"), "front_hall", frame);
+  expect_tf_static(said.samples.at("/tf_static"), "front_hall");
+  expect_joints(said.samples.at("/site/humans/bodies/front_hall/joints"), "front_hall", frame);
+  expect_cloud(said.samples.at("/site/humans/bodies/front_hall/cloud"), "front_hall", frame, 20'000, 4096);
+
+  // And nobody: the list is empty, not missing.
+  ASSERT_TRUE(eventually(
+      [&] {
+        link.publish_idle(0);
+        std::this_thread::sleep_for(20ms);
+        return read_lines(reader.output()).samples.at("/site/humans/bodies/tracked").at("ids").empty();
+      },
+      60s));
+}
+
+}  // namespace
+}  // namespace booth::tests
