@@ -21,8 +21,8 @@
 #include "daemon/dds/participant.hpp"
 #include "daemon/dds/topics.hpp"
 #include "drivers/clock/system_clock.hpp"
-#include "fit/cloud/observation.hpp"
 #include "tests/bench/dds/ddsperf.hpp"
+#include "tests/bench/dds/mirror_cost.hpp"
 #include "tests/bench/harness/harness.hpp"
 
 namespace booth::bench {
@@ -198,70 +198,6 @@ int payload_bytes() {
   return 8 + 6 * 8 + 3 * 4 + 36 * 8 + 4 + static_cast<int>(kShape) * 8 + 24 * kJoint + 2 * 4 + 2 * 4 + 8 + 12;
 }
 
-/// Seconds of processor that this process has used.
-double processor_seconds() {
-  timespec t{};
-  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
-struct PublishCost {
-  std::vector<double> call_us;  ///< one call of publish() on the fit's side
-  double processor_us = 0;      ///< of the whole process, a frame
-};
-
-/// What a frame costs the booth with nobody listening but one reader of skeletons in another process's stead, at 30 frames/s' worth of clouds.
-void publish_turn(daemon::DdsLink& link, const fit::Cloud& cloud, int frames, PublishCost& out) {
-  daemon::FrameRecord frame = typical_frame();
-  const double begin = processor_seconds();
-  for (int i = 0; i < frames; ++i) {
-    frame.captured_ns += 33'333'333;
-    const std::int64_t before = monotonic_ns();
-    link.offer_cloud(cloud, frame.captured_ns);
-    link.publish(frame);
-    out.call_us.push_back(1e-3 * static_cast<double>(monotonic_ns() - before));
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  out.processor_us += 1e6 * (processor_seconds() - begin) / frames;
-}
-
-void measure_mirror(const Common& common, Report& report, std::uint32_t domain) {
-  drivers::SystemClock clock;
-  daemon::DdsSettings settings{.booth = "plain", .domain = domain, .interface = "lo", .multicast = false, .peers = {}};
-  daemon::DdsLink plain(settings, clock, no);
-  settings.booth = "mirrored";
-  settings.ros2 = daemon::Ros2Settings{};
-  daemon::DdsLink mirrored(settings, clock, no);
-  const fit::Cloud cloud = [] {
-    fit::Cloud out(20'000);
-    while (out.push(Eigen::Vector3f::Zero(), Eigen::Vector3f::Zero(), 0)) {
-    }
-    return out;
-  }();
-  PublishCost without, with;
-  const int turns = common.short_form ? 2 : 10;
-  for (int turn = 0; turn < turns; ++turn) {
-    publish_turn(plain, cloud, 200, without);
-    publish_turn(mirrored, cloud, 200, with);
-  }
-  for (const double q : {0.5, 0.99}) {
-    const auto at = [&](std::vector<double>& v) {
-      std::sort(v.begin(), v.end());
-      return v[static_cast<std::size_t>(q * static_cast<double>(v.size() - 1))];
-    };
-    report.add({.name = fmt::format("a frame with the ROS 2 mirror, call of the fit's thread, p{:.0f}", 100 * q),
-                .unit = "us",
-                .value = at(with.call_us),
-                .reference = "without it",
-                .reference_value = at(without.call_us)});
-  }
-  report.add({.name = "a frame with the ROS 2 mirror, processor time of the process",
-              .unit = "us",
-              .value = with.processor_us / turns,
-              .reference = "without it",
-              .reference_value = without.processor_us / turns});
-}
-
 void run(const Common& common, Report& report, int hertz, int rounds) {
   const int seconds = common.short_form ? 3 : 5;
   const auto base = static_cast<std::uint32_t>(100 + ::getpid() % 50);
@@ -296,7 +232,7 @@ void run(const Common& common, Report& report, int hertz, int rounds) {
     tell("publish to take, way out", "p99", one99, ping99);
     report.add({.name = fmt::format("skeletons, {}", trigger), .unit = "", .value = static_cast<double>(samples)});
   }
-  measure_mirror(common, report, base + 40);
+  add_mirror_cost(report, base + 40, common.short_form ? 2 : 10);
   report.note("payload", fmt::format("{} bytes", payload_bytes()));
   report.note("rate", fmt::format("{} Hz", hertz));
   report.note("security", "off");

@@ -93,6 +93,14 @@ hal::CameraDescription camera(const std::string& name, const Vector3d& from) {
 
 }  // namespace
 
+daemon::FrameRecord frame_of(const Json& header) {
+  const std::int64_t utc_ns = header.at("sec").get<std::int64_t>() * 1'000'000'000 + header.at("nanosec").get<std::int64_t>();
+  const daemon::FrameRecord first = posed_frame(1), second = posed_frame(2);
+  const std::int64_t period = second.captured_utc_ns - first.captured_utc_ns, since = utc_ns - first.captured_utc_ns;
+  EXPECT_TRUE(since >= 0 && since % period == 0) << utc_ns << " is the stamp of no frame";
+  return posed_frame(static_cast<std::uint64_t>(since / period) + 1);
+}
+
 daemon::FrameRecord posed_frame(std::uint64_t n) {
   daemon::FrameRecord out;
   out.sequence = n;
@@ -100,7 +108,7 @@ daemon::FrameRecord posed_frame(std::uint64_t n) {
   out.captured_ns = static_cast<std::int64_t>(n) * 33'333'333;
   out.captured_utc_ns = 1'790'000'000'123'456'789 + out.captured_ns;
   fit::PoseVector q;
-  for (int d = 0; d < fit::kDofs; ++d) q[d] = 0.03 * (d % 7) - 0.05 + 0.001 * d;
+  for (int d = 0; d < fit::kDofs; ++d) q[d] = 0.03 * (d % 7) - 0.05 + 0.001 * d + 1e-5 * static_cast<double>(n % 1000);
   q[1] = 0.95;
   q[4] = 0.7;
   std::copy(q.data(), q.data() + fit::kDofs, out.q.begin());

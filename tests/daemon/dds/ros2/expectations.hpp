@@ -16,6 +16,8 @@ using Json = nlohmann::json;
 
 /// Somebody in a pose that is nobody's rest, standing beside the middle and turned; joints and rotations agree with q.
 daemon::FrameRecord posed_frame(std::uint64_t n = 7);
+/// The posed_frame() of which a message with this header is; fails the running test when it is of none.
+daemon::FrameRecord frame_of(const Json& header);
 /// Point i is at x = i, y = -i / 2, z = 1 + i / 4 millimetres of the booth frame.
 fit::Cloud numbered_cloud(int points);
 /// Two cameras that look at the middle from the front left and from behind; the second one's name is no name in ROS.

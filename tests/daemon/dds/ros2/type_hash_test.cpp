@@ -1,6 +1,7 @@
 // The hashes that we announce are those of our types, and the way they are computed is ROS 2's.
 #include <gtest/gtest.h>
 
+#include "daemon/dds/ros2/body_frames.hpp"
 #include "daemon/dds/ros2/ros2_topics.hpp"
 #include "tests/daemon/dds/ros2/rihs01.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
@@ -33,6 +34,26 @@ TEST(Ros2TypeHash, OfEachTopicIsThatOfItsType) {
     const std::uint32_t first = info.type->m_ops[0] & DDS_OP_MASK;
     EXPECT_TRUE(first != DDS_OP_DLC && first != DDS_OP_PLC) << dds << " is not @final";
     EXPECT_EQ(info.type->m_nkeys, 0u) << dds;
+  }
+}
+
+TEST(Ros2Page, NamesEveryTopicTypeAndFrame) {
+  const std::string page = read_text(BOOTH_SOURCE_DIR "/docs/reference/ros2.md");
+  daemon::RosNames names("x", "");
+  for (int t = 0; t < daemon::kRos2Topics; ++t) {
+    const auto topic = static_cast<daemon::Ros2Topic>(t);
+    const auto& info = daemon::ros2_topic_info(topic);
+    std::string name = daemon::ros2_topic_name(topic, names);
+    if (const auto id = name.find("/x/"); id != std::string::npos) name.replace(id, 3, "/<id>/");
+    const auto row = page.find("| `" + name + "` | `" + info.ros_type + "` | ");
+    ASSERT_NE(row, std::string::npos) << name;
+    const std::string line = page.substr(row, page.find('\n', row) - row);
+    EXPECT_NE(line.find(" | " + std::to_string(info.depth) + (info.latched ? ", transient local |" : " |")), std::string::npos) << line;
+  }
+  for (const auto& frame : daemon::body_frames()) {
+    std::string link = frame.link;
+    if (link.starts_with("l_") || link.starts_with("r_")) link = link.substr(2);
+    EXPECT_NE(page.find("`" + link + "`"), std::string::npos) << frame.link;
   }
 }
 
