@@ -32,6 +32,7 @@ std::string member_row(std::string declaration, const std::string& meaning) {
     type += name.substr(bracket);
     name.resize(bracket);
   }
+  for (const std::string root = "::booth::msg::"; type.find(root) != std::string::npos;) type.erase(type.find(root), root.size());
   return "| `" + name + "` | `" + with_ros_names(type) + "` | " + (key ? "key. " : "") + meaning + " |\n";
 }
 

@@ -1,15 +1,12 @@
 // Heard by another vendor's DDS, the default one of ROS 2: every topic found under its name, type and hash, every field what it must be.
 #include <gtest/gtest.h>
 
-#include <filesystem>
-#include <map>
-#include <sstream>
-
 #include "daemon/dds/dds_link.hpp"
 #include "daemon/dds/ros2/ros2_topics.hpp"
 #include "drivers/clock/system_clock.hpp"
 #include "tests/daemon/dds/peer.hpp"
 #include "tests/daemon/dds/ros2/expectations.hpp"
+#include "tests/daemon/dds/ros2/fastdds_said.hpp"
 #include "tests/daemon/support/fake_booth.hpp"
 #include "tests/daemon/support/program.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
@@ -19,27 +16,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// What the other vendor's program has said so far.
-struct Said {
-  std::map<std::string, Json> writers, samples;  ///< by topic; the last of each
-  std::map<std::string, int> matched;
-};
-Said read_lines(const std::string& text) {
-  Said out;
-  std::istringstream lines(text);
-  for (std::string line; std::getline(lines, line);) {
-    const Json j = Json::parse(line, nullptr, false);
-    if (j.is_discarded()) continue;  // the last line may not be whole yet
-    if (j.contains("writer")) out.writers[j.at("writer")] = j;
-    if (j.contains("matched")) ++out.matched[j.at("matched")];
-    if (j.contains("sample")) out.samples[j.at("topic")] = j.at("sample");
-  }
-  return out;
-}
-
 TEST(Ros2FastDds, HearsEveryFieldOfEveryTopic) {
-  if (!std::filesystem::exists(BOOTH_BINARY_DIR "/bin/booth-fastdds-reader"))
-    GTEST_SKIP() << "skipped: libfastrtps-dev, fastddsgen and a Java runtime were not there when this was configured";
+  if (!fastdds_is_there()) GTEST_SKIP() << kNoFastDds;
   drivers::SystemClock clock;
   daemon::DdsSettings settings = loopback("front-hall");
   settings.ros2 = daemon::Ros2Settings{.name_space = "site", .cameras = two_cameras()};
@@ -47,7 +25,7 @@ TEST(Ros2FastDds, HearsEveryFieldOfEveryTopic) {
   const daemon::RosNames names("front-hall", "site");
 
   TemporaryFolder folder;
-  Program reader("booth-fastdds-reader", {std::to_string(settings.domain), names.body, "/site"}, folder.path / "heard");
+  Program reader("booth-fastdds-reader", {std::to_string(settings.domain), "ros", names.body, "/site"}, folder.path / "heard");
   ASSERT_TRUE(eventually([&] { return read_lines(reader.output()).matched.size() == daemon::kRos2Topics; }, 60s)) << reader.output();
 
   // Volatile writers send nothing to whom they have not met: said until a sample of each topic is there.
@@ -79,11 +57,11 @@ TEST(Ros2FastDds, HearsEveryFieldOfEveryTopic) {
   EXPECT_EQ(said.writers.size(), static_cast<std::size_t>(daemon::kRos2Topics)) << "no other topic of ROS 2";
   const auto heard = [&](const std::string& topic) { return said.samples.at(topic); };
   const auto frame = [&](const std::string& topic) { return frame_of(said.samples.at(topic).at("header")); };
-  const std::string tracked = "/site/humans/bodies/tracked", body = "/site/humans/bodies/front_hall";
+  const std::string tracked = "rt/site/humans/bodies/tracked", body = "rt/site/humans/bodies/front_hall";
   expect_tracked(heard(tracked), "front_hall", true, frame(tracked).captured_utc_ns);
   expect_joint_states(heard(body + "/joint_states"), "front_hall", frame(body + "/joint_states"));
-  expect_tf(heard("/tf"), "front_hall", frame_of(heard("/tf").at("transforms").at(0).at("header")));
-  expect_tf_static(heard("/tf_static"), "front_hall");
+  expect_tf(heard("rt/tf"), "front_hall", frame_of(heard("rt/tf").at("transforms").at(0).at("header")));
+  expect_tf_static(heard("rt/tf_static"), "front_hall");
   expect_joints(heard(body + "/joints"), "front_hall", frame(body + "/joints"));
   expect_cloud(heard(body + "/cloud"), "front_hall", frame(body + "/cloud"), 20'000, 4096);
 
@@ -92,7 +70,7 @@ TEST(Ros2FastDds, HearsEveryFieldOfEveryTopic) {
       [&] {
         link.publish_idle(0);
         std::this_thread::sleep_for(20ms);
-        return read_lines(reader.output()).samples.at("/site/humans/bodies/tracked").at("ids").empty();
+        return read_lines(reader.output()).samples.at("rt/site/humans/bodies/tracked").at("ids").empty();
       },
       60s));
 }
