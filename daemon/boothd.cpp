@@ -17,6 +17,8 @@
 #include "daemon/ctl/record_protocol.hpp"
 #include "daemon/dds/configured.hpp"
 #include "daemon/dds/dds_link.hpp"
+#include "daemon/dds/ros2/cloud_tap.hpp"
+#include "daemon/dds/ros2/ros2_mirror.hpp"
 #include "daemon/drivers_factory.gpio.hpp"
 #include "daemon/drivers_factory.hpp"
 #include "daemon/drivers_factory.recorder.hpp"
@@ -208,6 +210,7 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     auto plan = pipeline.memory_plan();
     plan.push_back({"session log ring", SessionLog::memory_bytes()});
     plan.push_back({"last moments (record.*)", recorder_memory(config, source)});
+    if (config.dds.enabled && config.dds.ros2) plan.push_back({"ROS 2 mirror (dds.ros2)", Ros2Mirror::memory_bytes()});
     print_plan(plan);
     return kStopped;
   }
@@ -224,13 +227,17 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
   Controller controller(std::move(settings), *source.clock);
   std::unique_ptr<DdsLink> dds;
   if (config.dds.enabled) {
+    DdsSettings network = dds_settings(config);
+    network.ros2 = ros2_settings(config, source.cameras);
     dds = stage(kUnavailable, [&] {
-      return std::make_unique<DdsLink>(dds_settings(config), *source.clock,
-                                       [&](DdsCommand command) { return answer_remote_command(command, controller, *recorder); });
+      return std::make_unique<DdsLink>(network, *source.clock, [&](DdsCommand command) { return answer_remote_command(command, controller, *recorder); });
     });
   }
-  Pipeline pipeline(pipeline_settings(config), source.cameras, *source.clock, fitter, controller);
-  controller.run(pipeline, fitter, dds.get());
+  std::optional<CloudTap> cloud_tap;
+  if (dds && config.dds.ros2) cloud_tap.emplace(fitter, fit.fitter->observation(), *dds);
+  FrameFitter& heard_fitter = cloud_tap ? static_cast<FrameFitter&>(*cloud_tap) : fitter;
+  Pipeline pipeline(pipeline_settings(config), source.cameras, *source.clock, heard_fitter, controller);
+  controller.run(pipeline, heard_fitter, dds.get());
   const ShutdownFirst shutdown_first{controller};
   PanelParts panel;
   panel.device = open_panel(config, *source.clock);

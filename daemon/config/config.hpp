@@ -81,6 +81,7 @@ struct Config {
     std::vector<std::string> peers;
     std::string security = "off";
     bool ros2 = false;
+    std::string ros2_namespace;
   } dds;
   struct {
     std::string level = "info";

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "daemon/dds/ros2/ros_names.hpp"
+
 namespace booth::daemon {
 namespace {
 
@@ -304,7 +306,13 @@ const std::vector<ConfigKey>& table() {
        .doc = "Find others and send to them by multicast; without it dds.peers names the machines, this one always among them."},
       {.name = "dds.peers", .slot = BOOTH_SLOT(dds.peers), .doc = "Machines with which to talk when they cannot be found by multicast.", .check = check_host},
       {.name = "dds.security", .slot = BOOTH_SLOT(dds.security), .doc = "DDS Security.", .choices = {"off"}, .absent = {"on"}},
-      {.name = "dds.ros2", .slot = BOOTH_SLOT(dds.ros2), .doc = "Mirror the skeleton as ROS 2 topics.", .absent = {"true"}},
+      {.name = "dds.ros2",
+       .slot = BOOTH_SLOT(dds.ros2),
+       .doc = "Mirror skeleton, cloud and cameras' places as ROS 2 topics (docs/reference/ros2.md); dds.domain is ROS_DOMAIN_ID."},
+      {.name = "dds.ros2_namespace",
+       .slot = BOOTH_SLOT(dds.ros2_namespace),
+       .doc = "ROS 2 namespace before /humans; needed where several booths are in one domain.",
+       .check = ros_namespace_problem},
       {.name = "log.level",
        .slot = BOOTH_SLOT(log.level),
        .doc = "The least important messages that are logged.",

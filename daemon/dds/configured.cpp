@@ -11,4 +11,11 @@ DdsSettings dds_settings(const Config& config) {
           .peers = config.dds.peers};
 }
 
+std::optional<Ros2Settings> ros2_settings(const Config& config, const hal::DepthCameras& cameras) {
+  if (!config.dds.ros2) return std::nullopt;
+  Ros2Settings out{.name_space = config.dds.ros2_namespace};
+  for (const auto& camera : cameras) out.cameras.push_back(camera->description());
+  return out;
+}
+
 }  // namespace booth::daemon

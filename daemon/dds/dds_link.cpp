@@ -13,6 +13,7 @@
 
 #include "booth.h"
 #include "daemon/dds/participant.hpp"
+#include "daemon/dds/ros2/ros2_mirror.hpp"
 #include "daemon/dds/topics.hpp"
 
 namespace booth::daemon {
@@ -42,6 +43,7 @@ struct DdsLink::Impl {
   std::thread thread;
   std::atomic<bool> stop{false};
 
+  std::unique_ptr<Ros2Mirror> ros2;  ///< null when it is off; published to under skeleton_mutex
   std::mutex skeleton_mutex;
   booth_msg_Skeleton skeleton{};
   std::array<double, kRecordShape> skeleton_beta{};
@@ -59,6 +61,7 @@ struct DdsLink::Impl {
     skeleton.version = booth_msg_VERSION;
     skeleton.beta._buffer = skeleton_beta.data();
     skeleton.beta._maximum = kRecordShape;
+    if (settings.ros2) ros2 = std::make_unique<Ros2Mirror>(dds.participant(), booth, *settings.ros2, clock);
     open();
   }
   ~Impl() {
@@ -155,6 +158,10 @@ DdsLink::DdsLink(const DdsSettings& settings, hal::Clock& clock, std::function<D
 
 DdsLink::~DdsLink() = default;
 
+void DdsLink::offer_cloud(const fit::Cloud& cloud, std::int64_t captured_ns) noexcept {
+  if (impl_->ros2) impl_->ros2->offer_cloud(cloud, captured_ns);
+}
+
 void DdsLink::publish(const FrameRecord& frame) noexcept {
   const std::lock_guard lock(impl_->skeleton_mutex);
   booth_msg_Skeleton& s = impl_->skeleton;
@@ -179,6 +186,7 @@ void DdsLink::publish(const FrameRecord& frame) noexcept {
   s.others = frame.others;
   s.groups_dropped = frame.groups_dropped;
   impl_->stamp_and_write();
+  if (impl_->ros2) impl_->ros2->publish(frame);
 }
 
 void DdsLink::publish_idle(std::uint8_t session_state) noexcept {
@@ -197,6 +205,7 @@ void DdsLink::publish_idle(std::uint8_t session_state) noexcept {
   s.capture_monotonic_ns = impl_->monotonic_ns();
   for (auto& joint : s.joints) joint.orientation[3] = 1;
   impl_->stamp_and_write();
+  if (impl_->ros2) impl_->ros2->publish_idle(s.capture_utc_ns);
 }
 
 void DdsLink::publish(const BodySample& body) {
@@ -284,10 +293,11 @@ void DdsLink::publish_event(const std::string& kind, const std::string& source, 
 
 std::uint64_t DdsLink::commands_ignored() const { return impl_->ignored.load(std::memory_order_relaxed); }
 
-std::uint64_t DdsLink::failures() const { return impl_->failures.load(); }
+std::uint64_t DdsLink::failures() const { return impl_->failures.load() + (impl_->ros2 ? impl_->ros2->failures() : 0); }
 
 std::string DdsLink::last_failure() const {
-  const dds_return_t code = impl_->last_failure.load();
+  dds_return_t code = impl_->last_failure.load();
+  if (code >= 0 && impl_->ros2) code = impl_->ros2->last_failure();
   return code < 0 ? dds_strretcode(-code) : "";
 }
 

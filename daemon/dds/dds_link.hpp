@@ -13,6 +13,10 @@
 #include "daemon/pipeline/frame_record.hpp"
 #include "hal/clock.hpp"
 
+namespace booth::fit {
+class Cloud;
+}
+
 namespace booth::daemon {
 
 struct BodySample {
@@ -54,6 +58,9 @@ class DdsLink {
   ~DdsLink();
   DdsLink(const DdsLink&) = delete;
 
+  /// The points of the frame that the calling thread will publish next, CMU frame, for those who want them: the ROS 2 mirror, where it is on. Allocates
+  /// nothing.
+  void offer_cloud(const fit::Cloud& cloud, std::int64_t captured_ns) noexcept;
   /// A fitted frame. Allocates nothing of ours.
   void publish(const FrameRecord& frame) noexcept;
   /// The skeleton topic's sign of life while nobody is captured.

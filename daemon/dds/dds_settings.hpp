@@ -2,10 +2,19 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "hal/depth_frame.hpp"
+
 namespace booth::daemon {
+
+/// The mirror of a booth's skeleton as ROS 2 topics (docs/reference/ros2.md).
+struct Ros2Settings {
+  std::string name_space{};                       ///< before /humans; empty: none
+  std::vector<hal::CameraDescription> cameras{};  ///< whose places are told
+};
 
 struct DdsSettings {
   std::string booth = "booth";  ///< partition; of a listener "*" or one booth's
@@ -13,6 +22,7 @@ struct DdsSettings {
   std::string interface {};  ///< name or address; empty: the library chooses
   bool multicast = true;
   std::vector<std::string> peers{};
+  std::optional<Ros2Settings> ros2{};  ///< of a booth alone; nothing: no mirror
 };
 
 /// Cyclone DDS's own configuration for these settings, as XML (what CYCLONEDDS_URI would hold).

@@ -150,6 +150,18 @@ TEST_F(DoctorTest, FindsAnInterfaceThatDoesNotExist) {
   EXPECT_EQ(worst(check_dds(in), "interface"), "ok");
 }
 
+TEST_F(DoctorTest, SaysHowANodeOfRos2FindsTheBooth) {
+  EXPECT_EQ(worst(check_ros2(in), "ros2"), "skipped");
+  in.config.dds.ros2 = true;
+  in.config.booth.id = "front-hall";
+  in.config.dds.domain = 7;
+  ASSERT_EQ(check_ros2(in).size(), 1u);
+  EXPECT_EQ(worst(check_ros2(in), "ros2"), "ok");
+  EXPECT_THAT(check_ros2(in)[0].seen, AllOf(HasSubstr("/humans/bodies/front_hall/*"), HasSubstr("ROS_DOMAIN_ID=7")));
+  in.config.dds.domain = 102;
+  EXPECT_EQ(worst(check_ros2(in), "ros2"), "warning");
+}
+
 /// A machine with a busy and a well-behaved chip.
 hal::GpioChips planted_chips() {
   hal::GpioChipInfo soc{.path = "/dev/gpiochip0", .name = "gpiochip0", .label = "INTC1057:00", .problem = "", .lines = {}};

@@ -100,7 +100,9 @@ std::string listed(const std::set<std::string>& names) {
 }
 
 /// Written by idlc into the build folder; not rooted.
-bool generated(const std::string& path, const std::string& header) { return starts_with(path, "daemon/dds/") && header == "booth.h"; }
+bool generated(const std::string& path, const std::string& header) {
+  return starts_with(path, "daemon/dds/") && (header == "booth.h" || header == "ros2_messages.h");
+}
 
 }  // namespace
 

@@ -1,4 +1,4 @@
-// Reads the plain IDL that booth.idl is written in: lines, no preprocessor, comments behind members and above structs.
+// Reads the plain IDL that ours is written in: lines, no preprocessor, comments behind members and above structs.
 #include "tests/house/idl_page.hpp"
 
 #include <sstream>
@@ -11,6 +11,17 @@ std::string trimmed(const std::string& text) {
   return begin == std::string::npos ? "" : text.substr(begin, end - begin + 1);
 }
 
+/// "geometry_msgs::msg::dds_::Point_", where it stands in `text` -> "geometry_msgs/msg/Point": ROS 2's types under the names that ROS 2 gives them.
+std::string with_ros_names(std::string text) {
+  const std::string mark = "::msg::dds_::";
+  for (std::size_t at; (at = text.find(mark)) != std::string::npos;) {
+    text.replace(at, mark.size(), "/msg/");
+    const auto end = text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789", at + 5);
+    if (end != std::string::npos && text[end] == '_') text.erase(end, 1);
+  }
+  return text;
+}
+
 /// "double q[DOFS]" -> member "q", type "double[DOFS]".
 std::string member_row(std::string declaration, const std::string& meaning) {
   const bool key = declaration.rfind("@key ", 0) == 0;
@@ -21,13 +32,14 @@ std::string member_row(std::string declaration, const std::string& meaning) {
     type += name.substr(bracket);
     name.resize(bracket);
   }
-  return "| `" + name + "` | `" + type + "` | " + (key ? "key. " : "") + meaning + " |\n";
+  for (const std::string root = "::booth::msg::"; type.find(root) != std::string::npos;) type.erase(type.find(root), root.size());
+  return "| `" + name + "` | `" + with_ros_names(type) + "` | " + (key ? "key. " : "") + meaning + " |\n";
 }
 
 }  // namespace
 
 std::string types_of_idl(const std::string& idl) {
-  std::string out, comment, constants = "| constant | value |\n|---|---|\n", enums = "| enumeration | values, from 0 |\n|---|---|\n";
+  std::string out, comment, module, constants, enums;
   std::istringstream lines(idl);
   bool in_struct = false;
   for (std::string raw; std::getline(lines, raw);) {
@@ -42,8 +54,10 @@ std::string types_of_idl(const std::string& idl) {
     } else if (code.rfind("enum ", 0) == 0) {
       const auto brace = code.find('{');
       enums += "| `" + trimmed(code.substr(5, brace - 5)) + "` | " + trimmed(code.substr(brace + 1, code.find('}') - brace - 1)) + " |\n";
+    } else if (code.rfind("module ", 0) == 0) {
+      module = code.find("dds_") == std::string::npos ? "" : code.substr(7, code.find(' ', 7) - 7) + "::msg::dds_::";
     } else if (code.rfind("struct ", 0) == 0) {
-      out += "\n### " + trimmed(code.substr(7, code.find('{') - 7)) + "\n\n" + (comment.empty() ? "" : comment + "\n\n") +
+      out += "\n### " + with_ros_names(module + trimmed(code.substr(7, code.find('{') - 7))) + "\n\n" + (comment.empty() ? "" : comment + "\n\n") +
              "| member | type | meaning |\n|---|---|---|\n";
       in_struct = true;
     } else if (in_struct && code.back() == ';' && code[0] != '}') {
@@ -52,7 +66,9 @@ std::string types_of_idl(const std::string& idl) {
     if (code.rfind("};", 0) == 0) in_struct = false;
     if (!code.empty() && code[0] != '@') comment.clear();
   }
-  return "\n" + constants + "\n" + enums + out;
+  if (!constants.empty()) constants = "\n| constant | value |\n|---|---|\n" + constants;
+  if (!enums.empty()) enums = "\n| enumeration | values, from 0 |\n|---|---|\n" + enums;
+  return constants + enums + out;
 }
 
 }  // namespace booth::tests

@@ -86,6 +86,18 @@ TEST(Reference, DdsPageHasTheTypesOfTheIdl) {
   expect_page("docs/reference/dds.md", page.substr(0, at) + marker + types);
 }
 
+TEST(Reference, Ros2PageHasTheTypesOfItsIdl) {
+  const std::string marker = "<!-- From here on made from daemon/dds/idl/ros2/ros2_messages.idl by tests/house/reference_test.cpp; do not edit. -->\n";
+  const std::string page = text_of("docs/reference/ros2.md");
+  const auto at = page.find(marker);
+  ASSERT_NE(at, std::string::npos);
+  const std::string types = types_of_idl(text_of("daemon/dds/idl/ros2/ros2_messages.idl"));
+  for (const char* row : {"### sensor_msgs/msg/JointState\n", "| `name` | `sequence<string>` |", "| `header` | `std_msgs/msg/Header` |"})
+    EXPECT_NE(types.find(row), std::string::npos) << row;
+  EXPECT_EQ(types.find("| constant |"), std::string::npos) << "there are none";
+  expect_page("docs/reference/ros2.md", page.substr(0, at) + marker + types);
+}
+
 TEST(Reference, DependenciesPageIsWhatTheListSays) {
   const CommandResult table = run_in_source_tree("toolchain/install-dependencies --table");
   ASSERT_EQ(table.status, 0) << table.output;
@@ -125,7 +137,8 @@ TEST(Reference, EveryPackageThatTheBuildLooksForIsInTheList) {
                                                                 {"Pagmo", "libpagmo-dev"},
                                                                 {"NLOPT", "libnlopt-cxx-dev"},
                                                                 {"Ceres", "libceres-dev"},
-                                                                {"flann", "libflann-dev"}};
+                                                                {"flann", "libflann-dev"},
+                                                                {"fastrtps", "libfastrtps-dev"}};
   std::istringstream names(found.output);
   for (std::string line; std::getline(names, line);) {
     const std::string name = line.substr(0, line.find(' '));

@@ -54,11 +54,13 @@ MemoryBooth::MemoryBooth(const FrameMemory& memory, hal::Clock& clock, Options o
   settings.models = setup_.models;
   controller_ = std::make_unique<daemon::Controller>(settings, clock);
   const auto domain = static_cast<std::uint32_t>(100 + ::getpid() % 100);  // tests that run side by side do not hear each other
-  const daemon::DdsSettings dds{.booth = "memory", .domain = domain, .interface = "lo", .multicast = false, .peers = {}};
+  daemon::DdsSettings dds{.booth = "memory", .domain = domain, .interface = "lo", .multicast = false, .peers = {}};
+  if (options.ros2) dds.ros2 = daemon::Ros2Settings{.cameras = {cameras_.front()->description()}};
   dds_ = std::make_unique<daemon::DdsLink>(dds, clock, [](daemon::DdsCommand) { return daemon::DdsAnswer{}; });
   tap_ = std::make_unique<Tap>(*this);
-  pipeline_ = std::make_unique<daemon::Pipeline>(daemon::Pipeline::Settings{}, cameras_, clock, *tap_, *tap_);
-  controller_->run(*pipeline_, *tap_, dds_.get());
+  cloud_tap_ = std::make_unique<daemon::CloudTap>(*tap_, setup_.fitter->observation(), *dds_);
+  pipeline_ = std::make_unique<daemon::Pipeline>(daemon::Pipeline::Settings{}, cameras_, clock, *cloud_tap_, *tap_);
+  controller_->run(*pipeline_, *cloud_tap_, dds_.get());
   reader_ = std::thread([this, domain] {
     const dds_entity_t participant = dds_create_participant(domain, nullptr, nullptr);
     dds_qos_t* qos = dds_create_qos();

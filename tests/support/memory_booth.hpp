@@ -7,6 +7,7 @@
 #include <thread>
 #include <vector>
 
+#include "daemon/dds/ros2/cloud_tap.hpp"
 #include "daemon/pipeline/fit_setup.hpp"
 #include "daemon/session/controller.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
@@ -27,6 +28,7 @@ class MemoryBooth {
     int threads = 2;
     std::size_t notes = 100000;  ///< how many frames are remembered; further ones are only counted
     std::function<MemoryCamera::Decode(std::size_t camera)> decode;
+    bool ros2 = false;  ///< with the ROS 2 mirror, too
   };
   /// Starts a session. `memory` and `clock` outlive the booth.
   MemoryBooth(const FrameMemory& memory, hal::Clock& clock, Options options);
@@ -54,6 +56,7 @@ class MemoryBooth {
   std::unique_ptr<daemon::Controller> controller_;
   std::unique_ptr<daemon::DdsLink> dds_;
   std::unique_ptr<Tap> tap_;
+  std::unique_ptr<daemon::CloudTap> cloud_tap_;
   std::unique_ptr<daemon::Pipeline> pipeline_;
   std::vector<FrameNote> notes_;
   std::atomic<std::uint64_t> frames_{0}, heard_{0};

@@ -22,6 +22,7 @@
 #include "daemon/dds/topics.hpp"
 #include "drivers/clock/system_clock.hpp"
 #include "tests/bench/dds/ddsperf.hpp"
+#include "tests/bench/dds/mirror_cost.hpp"
 #include "tests/bench/harness/harness.hpp"
 
 namespace booth::bench {
@@ -231,6 +232,7 @@ void run(const Common& common, Report& report, int hertz, int rounds) {
     tell("publish to take, way out", "p99", one99, ping99);
     report.add({.name = fmt::format("skeletons, {}", trigger), .unit = "", .value = static_cast<double>(samples)});
   }
+  add_mirror_cost(report, base + 40, common.short_form ? 2 : 10);
   report.note("payload", fmt::format("{} bytes", payload_bytes()));
   report.note("rate", fmt::format("{} Hz", hertz));
   report.note("security", "off");

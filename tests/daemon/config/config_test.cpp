@@ -71,6 +71,9 @@ TEST(Config, NamesFileLineKeyAndWhatIsAllowed) {
   EXPECT_THAT(problems_in("[stage]\nradius = nan\n"), ElementsAre(HasSubstr("stage.radius: nan is out of range")));
   EXPECT_THAT(problems_in("[booth]\nid = \"a b\"\n"), ElementsAre(HasSubstr("b.toml:2: booth.id: \"a b\" must be 1 to 32 letters")));
   EXPECT_THAT(problems_in("[dds]\npeers = [\"x\\\"/><evil\"]\n"), ElementsAre(HasSubstr("dds.peers"))) << "nothing of a value may become XML";
+  EXPECT_THAT(problems_in("[dds]\nros2 = true\nros2_namespace = \"2nd floor\"\n"),
+              ElementsAre(HasSubstr("b.toml:3: dds.ros2_namespace: \"2nd floor\" must be empty or like")));
+  EXPECT_THAT(problems_in("[dds]\nros2 = true\nros2_namespace = \"/site/hall\"\n"), ElementsAre());
 }
 
 TEST(Config, SuggestsTheNearestKey) {

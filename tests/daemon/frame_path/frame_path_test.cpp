@@ -41,7 +41,8 @@ const FrameMemory& memory() {
 
 struct FramePath : ::testing::Test {
   EagerClock clock;
-  MemoryBooth booth{memory(), clock, {.threads = 2, .notes = 0, .decode = {}}};
+  MemoryBooth booth;
+  explicit FramePath(bool ros2 = false) : booth(memory(), clock, {.threads = 2, .notes = 0, .decode = {}, .ros2 = ros2}) {}
 
   bool run_until(std::uint64_t frames) {
     // The fit is what time waits for; where no frame comes (too few cameras), time goes on by itself.
@@ -98,6 +99,26 @@ TEST_F(FramePath, AllocatesNothingFromReadyOn) {
   std::cout << frames << " frames, " << losses << " cameras lost and back: " << count.on_frame_threads() << " allocations on the frame path, "
             << count.on_camera_threads() << " to bring cameras back, " << static_cast<double>(count.excused_on_frame_threads()) / static_cast<double>(frames)
             << " a frame by Cyclone DDS\n";
+}
+
+/// The same with the ROS 2 mirror, whose thread carries frames, too.
+struct FramePathRos2 : FramePath {
+  FramePathRos2() : FramePath(true) {}
+};
+
+TEST_F(FramePathRos2, AllocatesNothingFromReadyOn) {
+  if (!AllocationCount::supported()) GTEST_SKIP() << "skipped: the sanitizer brings its own malloc";
+  const std::uint64_t wanted = frames_wanted(100);
+  ASSERT_TRUE(run_until(5));
+  const std::uint64_t first = booth.frames();
+  const AllocationCount count({"libddsc"});
+  ASSERT_TRUE(run_until(first + wanted));
+  const std::uint64_t frames = booth.frames() - first;
+  EXPECT_EQ(count.on_frame_threads(), 0u) << count.first_places();
+  // One sample of each of the booth's own topics and up to five of the mirror's.
+  EXPECT_LE(count.excused_on_frame_threads(), 6 * 8 * frames) << "Cyclone DDS";
+  std::cout << frames << " frames with the ROS 2 mirror: " << count.on_frame_threads() << " allocations on the frame path, "
+            << static_cast<double>(count.excused_on_frame_threads()) / static_cast<double>(frames) << " a frame by Cyclone DDS\n";
 }
 
 TEST_F(FramePath, ResidentMemoryStaysWhatItIs) {
