@@ -161,6 +161,7 @@ Config load_config(const ConfigSources& sources) {
     loader.config.session.directory = std::string(state) + "/sessions";
     loader.config.record.directory = std::string(state) + "/recordings";
     loader.config.cameras.kinect2.cache = std::string(state) + "/kinect2";
+    loader.config.dds.self_issued = std::string(state) + "/security";
   }
 
   const bool named = !sources.file.empty();

@@ -2,10 +2,17 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
 namespace booth::daemon {
+
+/// What a participant proves itself with under DDS Security: contents of files, PEM and S/MIME.
+struct DdsIdentity {
+  std::string identity_ca, certificate, private_key, permissions_ca, governance, permissions;
+  std::string revocations{};  ///< path of a list of revoked certificates (the library reads it itself); empty: none
+};
 
 struct DdsSettings {
   std::string booth = "booth";  ///< partition; of a listener "*" or one booth's
@@ -13,6 +20,8 @@ struct DdsSettings {
   std::string interface {};  ///< name or address; empty: the library chooses
   bool multicast = true;
   std::vector<std::string> peers{};
+  bool secured = false;                                ///< with it nobody joins in the plain, also not by mistake
+  std::shared_ptr<const DdsIdentity> identity = nullptr;  ///< needed where `secured`
 };
 
 /// Cyclone DDS's own configuration for these settings, as XML (what CYCLONEDDS_URI would hold).
