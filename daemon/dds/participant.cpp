@@ -34,7 +34,8 @@ void log_of_library(void*, const dds_log_data_t* data) {
 
 bool is_address(const std::string& text) { return text.find_first_not_of("0123456789.") == std::string::npos || text.find(':') != std::string::npos; }
 
-/// The built-in plugins of DDS Security 1.1 and what they read. Properties with these names are never told to others.
+}  // namespace
+
 void set_identity(const DdsQos& qos, const DdsIdentity& identity) {
   const auto set = [&](const char* name, const std::string& value) { dds_qset_prop(qos, name, value.c_str()); };
   struct Plugin {
@@ -55,8 +56,6 @@ void set_identity(const DdsQos& qos, const DdsIdentity& identity) {
   set("dds.sec.access.permissions", "data:," + identity.permissions);
   if (!identity.revocations.empty()) set("org.eclipse.cyclonedds.sec.auth.crl", "file:" + identity.revocations);
 }
-
-}  // namespace
 
 dds_entity_t dds_check(dds_entity_t entity, const std::string& what) {
   if (entity < 0)
