@@ -1,0 +1,195 @@
+// Who gets what in a secured domain: booths, viewers, consoles and intruders as programs of their own, over the loopback interface.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <list>
+
+#include "tests/daemon/dds/peer.hpp"
+#include "tests/daemon/security/test_fleet.hpp"
+#include "tests/daemon/support/fake_booth.hpp"
+#include "tests/daemon/support/program.hpp"
+
+namespace booth::tests {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+constexpr auto kPatience = 60s;
+const std::string kChangedClient = BOOTH_BINARY_DIR "/tests/daemon/security/libbooth-lenient-access.so";
+
+struct SecureDomain : ::testing::Test {
+  TestFleet fleet;
+  std::list<Program> programs;
+  const std::string domain = std::to_string(test_domain());
+
+  Program& start(const std::string& action, const std::string& credentials, const std::string& partition = "lobby", std::int64_t clock_back = 0,
+                 const std::string& access_plugin = "") {
+    std::vector<std::string> arguments{action, domain, credentials, partition, std::to_string(clock_back)};
+    if (!access_plugin.empty()) arguments.push_back(access_plugin);
+    return programs.emplace_back("booth-secure-peer", arguments, fleet.folder.path / ("program" + std::to_string(programs.size())));
+  }
+  static bool comes(const Program& program, const std::string& line, std::chrono::seconds limit = kPatience) {
+    return eventually([&] { return program.output().find(line + "\n") != std::string::npos; }, limit);
+  }
+  Program& ready(Program& program) {
+    EXPECT_TRUE(comes(program, "ready")) << program.output();
+    return program;
+  }
+  static bool hears_everything(const Program& viewer) {
+    return comes(viewer, "heard booth/skeleton") && comes(viewer, "heard booth/status") && comes(viewer, "heard booth/body") && comes(viewer, "heard booth/event");
+  }
+
+  /// An honest viewer who comes after the intruder hears everything, and an honest console who comes after it is obeyed: the intruder had as long.
+  void honest_clients_are_served() {
+    Program& viewer = ready(start("listen", fleet.viewer("honest", {"lobby"})));
+    EXPECT_TRUE(hears_everything(viewer)) << viewer.output();
+    EXPECT_THAT(viewer.output(), HasSubstr("refused booth/command")) << "a viewer does not even hear commands";
+    Program& console = ready(start("command", fleet.console("honest", {"lobby"})));
+    EXPECT_TRUE(comes(console, "answered")) << console.output();
+    std::this_thread::sleep_for(1s);  // for whoever is slower than they were
+  }
+  static std::size_t count(const std::string& text, const std::string& word) {
+    std::size_t n = 0;
+    for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) ++n;
+    return n;
+  }
+};
+
+/// Two intruders with the same credentials, one that listens and one that commands, get nothing from a booth that serves others.
+struct Intruders : SecureDomain {
+  void get_nothing(const std::string& credentials, const std::string& partition = "lobby", std::int64_t clock_back = 0, const std::string& plugin = "") {
+    Program& booth = ready(start("booth", fleet.booth("lobby")));
+    Program& ear = start("listen", credentials, partition, clock_back, plugin);
+    Program& mouth = start("command", credentials, partition, clock_back, plugin);
+    ready(ear);
+    ready(mouth);
+    std::this_thread::sleep_for(2s);
+    EXPECT_EQ(count(booth.output(), "obeyed"), 0u) << "before anybody else has said anything";
+    honest_clients_are_served();
+    for (const char* topic : {"skeleton", "status", "body", "event"}) EXPECT_THAT(ear.output(), Not(HasSubstr(std::string("heard booth/") + topic)));
+    EXPECT_THAT(mouth.output(), Not(HasSubstr("answered")));
+    const Program& console = programs.back();
+    EXPECT_LE(count(booth.output(), "obeyed"), count(console.output(), "answered") + 1) << "every command that was obeyed was the console's";
+  }
+};
+
+TEST_F(Intruders, APlainParticipantGetsNothing) { get_nothing("plain"); }
+
+TEST_F(Intruders, AnUnauthenticatedParticipantGetsNothing) {
+  // Everything is right but who has signed: authorities of its own, by the same names.
+  const TestFleet stranger;
+  get_nothing(stranger.console("stranger", {"*"}));
+}
+
+TEST_F(Intruders, AnExpiredCertificateGetsNothingWhereItsOwnerSetsTheClockBack) {
+  Craft craft = fleet.honest();
+  craft.name = "console.late";
+  craft.rules = daemon::rules_for(daemon::Role::console, {"lobby"});
+  craft.certificate = {fleet.now - 15 * daemon::kSecondsOfDay, fleet.now - 5 * daemon::kSecondsOfDay};
+  get_nothing(fleet.write(craft, "late"), "lobby", 10 * daemon::kSecondsOfDay);
+}
+
+TEST_F(Intruders, ExpiredPermissionsGetNothingWhereTheirOwnerSetsTheClockBack) {
+  Craft craft = fleet.honest();
+  craft.name = "console.late";
+  craft.rules = daemon::rules_for(daemon::Role::console, {"lobby"});
+  craft.document = {fleet.now - 15 * daemon::kSecondsOfDay, fleet.now - 5 * daemon::kSecondsOfDay};
+  get_nothing(fleet.write(craft, "late"), "lobby", 10 * daemon::kSecondsOfDay);
+}
+
+TEST_F(Intruders, PermissionsOfOnesOwnMakingGetNothing) {
+  // The identity is the fleet's; whoever has it has written down what it would like to be allowed.
+  const TestFleet stranger;
+  Craft craft = fleet.honest();
+  craft.name = "console.own";
+  craft.rules = {{true, {"*"}, {"*"}}, {false, {"*"}, {"*"}}};
+  craft.permissions = stranger.permissions();
+  get_nothing(fleet.write(craft, "own"));
+}
+
+TEST_F(Intruders, AnotherBoothsConsoleGetsNothingWithAChangedClient) { get_nothing(fleet.console("hall", {"hall"}), "lobby", 0, kChangedClient); }
+
+TEST_F(SecureDomain, TheLibraryItselfRefusesWhatIsNotPermitted) {
+  Program& ear = start("listen", fleet.console("hall", {"hall"}));
+  ready(ear);
+  for (const char* topic : {"skeleton", "status", "body", "event", "command", "reply"}) EXPECT_THAT(ear.output(), HasSubstr(std::string("refused booth/") + topic));
+  Program& all = start("listen", fleet.viewer("lobby", {"lobby"}), "*");
+  ready(all);
+  EXPECT_THAT(all.output(), HasSubstr("refused booth/skeleton")) << "all booths are more than one";
+}
+
+TEST_F(SecureDomain, AViewersCommandIsNotObeyedAlsoWithAChangedClient) {
+  Program& booth = ready(start("booth", fleet.booth("lobby")));
+  const std::string viewer = fleet.viewer("wall", {"lobby"});
+  Program& honest = start("command", viewer);
+  EXPECT_TRUE(comes(honest, "refused booth/command"));
+  Program& dishonest = ready(start("command", viewer, "lobby", 0, kChangedClient));
+  Program& eye = ready(start("listen", viewer));
+  EXPECT_TRUE(hears_everything(eye)) << "the same credentials hear: " << eye.output();
+  std::this_thread::sleep_for(2s);
+  EXPECT_EQ(count(booth.output(), "obeyed"), 0u);
+  EXPECT_THAT(dishonest.output(), Not(HasSubstr("answered")));
+  Program& console = ready(start("command", fleet.console("desk", {"*"})));
+  EXPECT_TRUE(comes(console, "answered")) << console.output();
+  EXPECT_GE(count(booth.output(), "obeyed"), 1u);
+}
+
+TEST_F(SecureDomain, AViewerOfAllBoothsHearsEach) {
+  ready(start("booth", fleet.booth("lobby")));
+  Program& viewer = ready(start("listen", fleet.viewer("all", {"*"}), "*"));
+  EXPECT_TRUE(hears_everything(viewer)) << viewer.output();
+}
+
+TEST_F(SecureDomain, ARevokedViewerGetsNothing) {
+  const std::string revoked = fleet.viewer("revoked", {"lobby"});
+  daemon::revoke(fleet.path, {daemon::read_credentials(revoked).certificate.serial}, fleet.now);
+  ready(start("booth", fleet.booth("lobby")));
+  Program& ear = ready(start("listen", revoked));
+  honest_clients_are_served();
+  EXPECT_THAT(ear.output(), Not(HasSubstr("heard")));
+}
+
+TEST_F(SecureDomain, WhoExpiresWhileConnectedHearsNoMore) {
+  ready(start("booth", fleet.booth("lobby")));
+  Craft craft = fleet.honest();
+  craft.certificate.until = craft.document.until = daemon::utc_seconds() + 12;
+  Program& viewer = ready(start("listen", fleet.write(craft, "short")));
+  ASSERT_TRUE(hears_everything(viewer)) << viewer.output();
+  EXPECT_TRUE(eventually([&] { return daemon::utc_seconds() > craft.certificate.until + 1; }, kPatience));
+  std::string before;
+  EXPECT_TRUE(eventually(
+      [&] {
+        before = viewer.output();
+        std::this_thread::sleep_for(2s);  // 60 samples, had they come
+        return viewer.output() == before;
+      },
+      kPatience))
+      << viewer.output();
+}
+
+TEST_F(SecureDomain, IdentitiesRotateWhileTheOldOnesServe) {
+  const std::string booth_place = fleet.booth("lobby"), viewer_place = fleet.viewer("wall", {"lobby"});
+  Program& old_booth = ready(start("booth", booth_place));
+  Program& old_viewer = ready(start("listen", viewer_place));
+  ASSERT_TRUE(hears_everything(old_viewer)) << old_viewer.output();
+  // The viewer first: it hears the booth of the old identity.
+  const std::string old_serial = daemon::read_credentials(viewer_place).certificate.serial;
+  daemon::issue(fleet.path, {.role = daemon::Role::viewer, .name = "wall", .booths = {"lobby"}, .renew = true}, fleet.now);
+  EXPECT_NE(daemon::read_credentials(viewer_place).certificate.serial, old_serial);
+  Program& new_viewer = ready(start("listen", viewer_place));
+  ASSERT_TRUE(hears_everything(new_viewer)) << new_viewer.output();
+  // Then the booth: both viewers go on hearing it.
+  daemon::issue(fleet.path, {.role = daemon::Role::booth, .name = "lobby", .booths = {}, .renew = true}, fleet.now);
+  Program& new_booth = ready(start("booth", booth_place));
+  old_booth.signal(SIGTERM);
+  EXPECT_EQ(old_booth.wait(), 0);
+  const auto total = [](const Program& p) { return count(p.output(), "total "); };
+  const std::size_t old_before = total(old_viewer), new_before = total(new_viewer);
+  EXPECT_TRUE(eventually([&] { return total(old_viewer) > old_before + 3 && total(new_viewer) > new_before + 3; }, kPatience))
+      << "the viewers do not hear the booth's new identity: " << new_booth.output();
+}
+
+}  // namespace
+}  // namespace booth::tests
