@@ -92,7 +92,8 @@ DdsParticipant::DdsParticipant(const DdsSettings& settings) {
     DdsQos participant_qos;  // what identifies this participant to others is set here and nowhere else
     if (settings.secured && !settings.identity) throw std::runtime_error("DDS: dds.security is \"on\", and this part of the program has no credentials");
     if (settings.secured) set_identity(participant_qos, *settings.identity);
-    participant_ = dds_check(dds_create_participant(settings.domain, participant_qos, nullptr), "joining the domain");
+    participant_ = dds_check(dds_create_participant(settings.domain, participant_qos, nullptr),
+                             settings.secured ? "joining the domain with these credentials (dds.security)" : "joining the domain");
     DdsQos partition;
     const char* names[] = {settings.booth.c_str()};
     dds_qset_partition(partition, 1, names);
