@@ -65,7 +65,7 @@ struct Intruders : SecureDomain {
     Program& mouth = start("command", credentials, partition, clock_back, plugin);
     ready(ear);
     ready(mouth);
-    std::this_thread::sleep_for(2s);
+    std::this_thread::sleep_for(1s);
     EXPECT_EQ(count(booth.output(), "obeyed"), 0u) << "before anybody else has said anything";
     honest_clients_are_served();
     for (const char* topic : {"skeleton", "status", "body", "event"}) EXPECT_THAT(ear.output(), Not(HasSubstr(std::string("heard booth/") + topic)));
@@ -136,9 +136,10 @@ TEST_F(SecureDomain, AViewersCommandIsNotObeyedAlsoWithAChangedClient) {
   EXPECT_GE(count(booth.output(), "obeyed"), 1u);
 }
 
-TEST_F(SecureDomain, AViewerOfAllBoothsHearsEach) {
+TEST_F(SecureDomain, AViewerOfAllBoothsHearsEachAlsoWithASlowClock) {
   ready(start("booth", fleet.booth("lobby")));
-  Program& viewer = ready(start("listen", fleet.viewer("all", {"*"}), "*"));
+  // What the intruders with the clock set back are compared with: the clock alone keeps nobody out.
+  Program& viewer = ready(start("listen", fleet.viewer("all", {"*"}), "*", 10 * daemon::kSecondsOfDay));
   EXPECT_TRUE(hears_everything(viewer)) << viewer.output();
 }
 
