@@ -124,6 +124,22 @@ TEST_F(SecurityProgram, ASelfIssuedBoothIsHeardByWhoHasItsCredentials) {
   EXPECT_THAT(output, Not(HasSubstr("boothd 0")));
   EXPECT_EQ(run("boothctl", fleet_verb({"--set", "dds.credentials=/nonexistent"})), 78);
   EXPECT_THAT(output, HasSubstr("/nonexistent/identity_ca.cert.pem"));
+  // Commands: the machine's own console may, its own viewer may not, and a plain one is not even heard.
+  const auto command = [&](std::vector<std::string> more, const std::string& what) {
+    std::vector<std::string> words{"command", "lobby", what, "--seconds"};
+    words.insert(words.end(), more.begin(), more.end());
+    return run("boothctl", set(words, network()));
+  };
+  EXPECT_EQ(command({"60"}, "stop"), 1);
+  EXPECT_THAT(output, HasSubstr("refuses: no session"));
+  EXPECT_EQ(command({"20", "--credentials", self_issued + "/issued/viewer.local"}, "start"), 1);
+  EXPECT_THAT(output, HasSubstr("these credentials may not command booth lobby"));
+  std::vector<std::string> plain{"command", "lobby", "start", "--seconds", "3"};
+  for (const auto& one : network())
+    if (!one.starts_with("dds.security")) plain = set(plain, {one});
+  EXPECT_EQ(run("boothctl", plain), 1);
+  EXPECT_THAT(output, HasSubstr("was not heard"));
+  EXPECT_EQ(status()["state"], "idle");
   booth.signal(SIGTERM);
   EXPECT_EQ(booth.wait(), 0) << booth.output();
   EXPECT_EQ(run("boothctl", set({"security", "show"}, network())), 0) << output;
