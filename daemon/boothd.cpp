@@ -68,7 +68,8 @@ struct ShutdownFirst {
   ~ShutdownFirst() { controller.shutdown("signal"); }
 };
 
-/// The booth's credentials, examined; nothing where security is off. Whatever is wrong with them ends the start: nothing is ever published in the plain instead.
+/// The booth's credentials, examined; nothing where security is off. Whatever is wrong with them ends the start: nothing is ever published in the plain
+/// instead.
 std::optional<Credentials> open_credentials(const Config& config, bool check_only) {
   if (!config.dds.enabled) return std::nullopt;
   try {
@@ -247,8 +248,7 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     DdsSettings network = dds_settings(config);
     if (credentials) network.identity = credentials->identity;
     dds = stage(kUnavailable, [&] {
-      return std::make_unique<DdsLink>(network, *source.clock,
-                                       [&](DdsCommand command) { return answer_remote_command(command, controller, *recorder); });
+      return std::make_unique<DdsLink>(network, *source.clock, [&](DdsCommand command) { return answer_remote_command(command, controller, *recorder); });
     });
   }
   Pipeline pipeline(pipeline_settings(config), source.cameras, *source.clock, fitter, controller);

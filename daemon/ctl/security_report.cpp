@@ -46,7 +46,8 @@ SecurityRow look_at_one(const fs::path& folder, const std::string& prefix, std::
   }
   const CredentialPart& part = out.credentials.first_to_expire();
   if (part.valid.until - now <= warn_days * kSecondsOfDay)
-    out.problem = fmt::format("{}: the {} expires on {}; `boothctl security issue ... --renew` makes the next", part.file.string(), part.what, utc_day(part.valid.until));
+    out.problem =
+        fmt::format("{}: the {} expires on {}; `boothctl security issue ... --renew` makes the next", part.file.string(), part.what, utc_day(part.valid.until));
   return out;
 }
 
@@ -121,7 +122,11 @@ std::string security_text(const SecurityReport& report, std::int64_t now) {
 std::string security_json(const SecurityReport& report, std::int64_t now) {
   using Json = nlohmann::ordered_json;
   const auto part_json = [&](const CredentialPart& part) {
-    return Json{{"file", part.file.string()}, {"what", part.what},       {"name", part.name}, {"from", utc_text(part.valid.from)}, {"until", utc_text(part.valid.until)},
+    return Json{{"file", part.file.string()},
+                {"what", part.what},
+                {"name", part.name},
+                {"from", utc_text(part.valid.from)},
+                {"until", utc_text(part.valid.until)},
                 {"seconds_left", part.valid.until - now}};
   };
   Json j{{"folder", report.folder.string()}, {"ok", security_complaints(report) == 0}};

@@ -44,8 +44,9 @@ void add_init(CLI::App& security) {
     if (options->json)
       std::cout << Json{{"folder", options->folder}, {"fleet", options->fleet}, {"days", options->days}}.dump() << "\n";
     else
-      std::cout << fmt::format("{} is the fleet \"{}\". Its two *_ca.key.pem are the fleet: keep a copy where nobody finds it, and the folder off the booths.\n",
-                               options->folder, options->fleet);
+      std::cout << fmt::format(
+          "{} is the fleet \"{}\". Its two *_ca.key.pem are the fleet: keep a copy where nobody finds it, and the folder off the booths.\n", options->folder,
+          options->fleet);
   });
 }
 
@@ -71,7 +72,8 @@ void add_issue(CLI::App& security) {
     });
     const auto until = trying([&] { return read_credentials(place).first_to_expire().valid.until; });
     if (options->json)
-      std::cout << Json{{"folder", place.string()}, {"name", identity_name(options->order.role, options->order.name)}, {"until", utc_text(until)}}.dump() << "\n";
+      std::cout << Json{{"folder", place.string()}, {"name", identity_name(options->order.role, options->order.name)}, {"until", utc_text(until)}}.dump()
+                << "\n";
     else
       std::cout << fmt::format("{}  until {}\n", place.string(), utc_day(until));
   });
@@ -83,14 +85,13 @@ void add_revoke(CLI::App& security) {
     std::vector<std::string> serials;
   };
   auto options = std::make_shared<Options>();
-  CLI::App* verb = security.add_subcommand("revoke", "Take certificates back before they expire: adds them to crl.pem, which every participant has to be given");
+  CLI::App* verb =
+      security.add_subcommand("revoke", "Take certificates back before they expire: adds them to crl.pem, which every participant has to be given");
   verb->add_option("folder", options->folder, "The fleet's folder")->required();
-  verb->add_option("serial", options->serials, "Serial numbers, as `boothctl security show` prints them")
-      ->required()
-      ->check([](const std::string& text) {
-        const bool good = !text.empty() && text.size() <= 40 && text.find_first_not_of("0123456789ABCDEFabcdef") == std::string::npos;
-        return good ? std::string() : text + " is not a serial number (hexadecimal)";
-      });
+  verb->add_option("serial", options->serials, "Serial numbers, as `boothctl security show` prints them")->required()->check([](const std::string& text) {
+    const bool good = !text.empty() && text.size() <= 40 && text.find_first_not_of("0123456789ABCDEFabcdef") == std::string::npos;
+    return good ? std::string() : text + " is not a serial number (hexadecimal)";
+  });
   verb->callback([options] {
     trying([&] { revoke(options->folder, options->serials, utc_seconds()); });
     std::cout << fmt::format("{}/{} is to be copied beside each participant's cert.pem; restart who was running\n", options->folder, kRevocationsFile);

@@ -114,7 +114,8 @@ CommandAnswer CommandClient::send(DdsCommand command, std::chrono::milliseconds 
   if (!me.heard)
     throw std::runtime_error(fmt::format("booth {} was not heard; look at the keys dds.* (--set){}", me.settings.booth,
                                          me.settings.secured ? " and at the credentials" : ", and whether the booth wants credentials (--credentials)"));
-  throw std::runtime_error(fmt::format("booth {} is heard and gave no answer{}", me.settings.booth, me.settings.secured ? "; may these credentials command it?" : ""));
+  throw std::runtime_error(
+      fmt::format("booth {} is heard and gave no answer{}", me.settings.booth, me.settings.secured ? "; may these credentials command it?" : ""));
 }
 
 }  // namespace booth::daemon

@@ -20,7 +20,7 @@ struct DdsSettings {
   std::string interface {};  ///< name or address; empty: the library chooses
   bool multicast = true;
   std::vector<std::string> peers{};
-  bool secured = false;                                ///< with it nobody joins in the plain, also not by mistake
+  bool secured = false;                                   ///< with it nobody joins in the plain, also not by mistake
   std::shared_ptr<const DdsIdentity> identity = nullptr;  ///< needed where `secured`
 };
 

@@ -211,7 +211,8 @@ std::string pair_objection(const std::string& certificate_pem, const std::string
 
 std::string issuer_objection(const std::string& certificate_pem, const std::string& authority_pem) {
   const Certificate certificate = needed(certificate_pem), authority = needed(authority_pem);
-  const bool good = X509_check_issued(authority.get(), certificate.get()) == X509_V_OK && X509_verify(certificate.get(), X509_get0_pubkey(authority.get())) == 1;
+  const bool good =
+      X509_check_issued(authority.get(), certificate.get()) == X509_V_OK && X509_verify(certificate.get(), X509_get0_pubkey(authority.get())) == 1;
   openssl_forget();
   return good ? "" : "was not issued by the identity authority beside it";
 }

@@ -57,8 +57,9 @@ void check_mode(const std::filesystem::path& key, bool delivered) {
   struct stat file {};
   if (delivered || ::stat(key.c_str(), &file) != 0) return;
   if ((file.st_mode & 0077) != 0)
-    throw CredentialError(fmt::format("{}: others than its owner may read or write this private key (mode {:04o}); chmod 600 it, and issue a new one if it was seen",
-                                      key.string(), file.st_mode & 07777));
+    throw CredentialError(
+        fmt::format("{}: others than its owner may read or write this private key (mode {:04o}); chmod 600 it, and issue a new one if it was seen",
+                    key.string(), file.st_mode & 07777));
 }
 
 }  // namespace
@@ -111,12 +112,11 @@ Credentials read_credentials(const std::filesystem::path& folder, const std::str
 void check_dates(const Credentials& credentials, std::int64_t now) {
   for (const auto& part : credentials.parts) {
     if (now < part.valid.from)
-      throw CredentialError(fmt::format("{}: the {} {} is valid from {}, and this machine's clock says {}; set the clock", part.file.string(), part.what, part.name,
-                                        utc_text(part.valid.from), utc_text(now)),
+      throw CredentialError(fmt::format("{}: the {} {} is valid from {}, and this machine's clock says {}; set the clock", part.file.string(), part.what,
+                                        part.name, utc_text(part.valid.from), utc_text(now)),
                             true);
     if (now > part.valid.until)
-      throw CredentialError(
-          fmt::format("{}: the {} {} expired at {}; {}", part.file.string(), part.what, part.name, utc_text(part.valid.until), kRemedy));
+      throw CredentialError(fmt::format("{}: the {} {} expired at {}; {}", part.file.string(), part.what, part.name, utc_text(part.valid.until), kRemedy));
   }
 }
 
@@ -133,7 +133,9 @@ std::string expiry_problem(const Credentials& credentials, std::int64_t now, std
   const std::int64_t left = part.valid.until - now;
   if (left > warn_days * kSecondsOfDay) return "";
   // Short, because the sentence has to fit into a status on DDS.
-  if (left < 0) return fmt::format("DDS: the {} {} expired on {}: nobody hears this booth; issue a new one and restart boothd", part.what, part.name, utc_day(part.valid.until));
+  if (left < 0)
+    return fmt::format("DDS: the {} {} expired on {}: nobody hears this booth; issue a new one and restart boothd", part.what, part.name,
+                       utc_day(part.valid.until));
   return fmt::format("DDS: the {} {} expires in {} day{} ({}); issue a new one and restart boothd", part.what, part.name, left / kSecondsOfDay,
                      left / kSecondsOfDay == 1 ? "" : "s", utc_day(part.valid.until));
 }

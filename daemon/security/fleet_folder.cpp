@@ -137,10 +137,12 @@ fs::path issue(const fs::path& folder, const IssueOrder& order, std::int64_t now
   std::error_code error;
   const bool there = fs::exists(place, error);
   if (there && !order.renew)
-    throw std::runtime_error(fmt::format("{} was issued before and is not overwritten; --renew replaces it, `boothctl security show` says until when it serves", place.string()));
+    throw std::runtime_error(
+        fmt::format("{} was issued before and is not overwritten; --renew replaces it, `boothctl security show` says until when it serves", place.string()));
   const std::int64_t authority_until = std::min(read_certificate(identities.certificate).valid.until, read_certificate(permissions.certificate).valid.until);
   if (authority_until <= now)
-    throw std::runtime_error(fmt::format("the authorities in {} expired on {}: make a new fleet with `boothctl security init`", folder.string(), utc_day(authority_until)));
+    throw std::runtime_error(
+        fmt::format("the authorities in {} expired on {}: make a new fleet with `boothctl security init`", folder.string(), utc_day(authority_until)));
   const Validity valid{now - kBackdated, std::min(now + order.days * kSecondsOfDay, authority_until)};
   const PemPair pair = issue_certificate(identities, who, valid);
   const auto rules = rules_for(order.role, order.role == Role::booth ? std::vector<std::string>{order.name} : order.booths);

@@ -44,8 +44,6 @@ Certificate certificate_of(const std::string& pem) { return Certificate(PEM_read
 
 Key key_of(const std::string& pem) { return Key(PEM_read_bio_PrivateKey(bio_of(pem).get(), nullptr, no_passphrase, nullptr)); }
 
-RevocationList revocations_of(const std::string& pem) {
-  return RevocationList(PEM_read_bio_X509_CRL(bio_of(pem).get(), nullptr, no_passphrase, nullptr));
-}
+RevocationList revocations_of(const std::string& pem) { return RevocationList(PEM_read_bio_X509_CRL(bio_of(pem).get(), nullptr, no_passphrase, nullptr)); }
 
 }  // namespace booth::daemon

@@ -28,8 +28,9 @@ void issue_to_ourselves(const fs::path& fleet, const std::string& booth, std::in
     throw CredentialError(fmt::format("this machine's clock says {}: no credentials can be made before it is set", utc_text(now)), true);
   std::error_code error;
   if (!fs::exists(fleet, error) || fs::is_empty(fleet, error)) make_fleet(fleet, "local", kAuthorityDays, now);
-  for (const IssueOrder& order : {IssueOrder{.role = Role::booth, .name = booth, .booths = {}}, IssueOrder{.role = Role::viewer, .name = "local", .booths = {"*"}},
-                                  IssueOrder{.role = Role::console, .name = "local", .booths = {"*"}}}) {
+  for (const IssueOrder& order :
+       {IssueOrder{.role = Role::booth, .name = booth, .booths = {}}, IssueOrder{.role = Role::viewer, .name = "local", .booths = {"*"}},
+        IssueOrder{.role = Role::console, .name = "local", .booths = {"*"}}}) {
     const fs::path place = fleet / kIssuedFolder / identity_name(order.role, order.name);
     if (!fs::exists(place, error)) {
       issue(fleet, order, now);
@@ -69,8 +70,9 @@ Credentials obtain_credentials(const CredentialQuery& query, std::int64_t now) {
   }
   std::error_code error;
   if (!fs::exists(place, error) || error)
-    throw CredentialError(fmt::format("dds.security is \"on\", and there are no credentials: {} {}; name a folder from `boothctl security issue` by dds.credentials or --credentials",
-                                      place.string(), error ? "cannot be looked at (" + error.message() + ")" : "does not exist"));
+    throw CredentialError(fmt::format(
+        "dds.security is \"on\", and there are no credentials: {} {}; name a folder from `boothctl security issue` by dds.credentials or --credentials",
+        place.string(), error ? "cannot be looked at (" + error.message() + ")" : "does not exist"));
   Credentials out = read_credentials(place);
   out.self_issued = true;
   return examined(std::move(out), query, now);

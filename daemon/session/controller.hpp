@@ -40,7 +40,7 @@ struct ControllerSettings {
   double calibration_residual = -1;               ///< metres; negative: not known
   /// Hears of everything that happens, on the controller's thread: kind, source, text. May be empty.
   std::function<void(const std::string&, const std::string&, const std::string&)> on_event{};
-  std::string dds_security = "off";                 ///< what status shows of it: whose credentials, until when
+  std::string dds_security = "off";                   ///< what status shows of it: whose credentials, until when
   std::function<std::string()> credential_problem{};  ///< asked every second: what a person should look after; may be empty
 };
 

@@ -201,7 +201,7 @@ int payload_bytes() {
 struct Task {
   const char* trigger;
   int hertz, seconds, rounds;
-  std::uint32_t domain;             ///< and the following ones, one a round
+  std::uint32_t domain;              ///< and the following ones, one a round
   const BenchIdentity* credentials;  ///< null: plain
 };
 

@@ -94,7 +94,8 @@ TEST(SecurityFleet, RefusesOrdersThatMakeNoSense) {
   EXPECT_THAT(order(Role::viewer, "wall", {"<a/>"}), HasSubstr("is no name"));
   EXPECT_THAT(order(Role::booth, "", {}), HasSubstr("is no name"));
   EXPECT_THAT(order(Role::booth, "lobby", {}, 0), HasSubstr("days of validity"));
-  EXPECT_THAT(complaint([&] { issue(fleet.folder.path, {.role = Role::booth, .name = "lobby", .booths = {}}, fleet.now); }), HasSubstr("boothctl security init"));
+  EXPECT_THAT(complaint([&] { issue(fleet.folder.path, {.role = Role::booth, .name = "lobby", .booths = {}}, fleet.now); }),
+              HasSubstr("boothctl security init"));
   EXPECT_THAT(complaint([&] { issue(fleet.path, {.role = Role::booth, .name = "lobby", .booths = {}}, fleet.now + 4000 * kSecondsOfDay); }),
               HasSubstr("the authorities"));
   EXPECT_TRUE(std::filesystem::is_empty(fleet.path / kIssuedFolder));
@@ -257,7 +258,8 @@ TEST(SecurityCredentials, WhateverIsInTheFilesTheAnswerIsASentence) {
 
 struct Provision : ::testing::Test {
   TestFleet fleet;
-  CredentialQuery query{.role = Role::booth, .name = "lobby", .folder = {}, .delivered = {}, .self_issued = fleet.folder.path / "state" / "security", .may_issue = true};
+  CredentialQuery query{
+      .role = Role::booth, .name = "lobby", .folder = {}, .delivered = {}, .self_issued = fleet.folder.path / "state" / "security", .may_issue = true};
   Provision() { std::filesystem::create_directories(fleet.folder.path / "state"); }
 };
 

@@ -38,7 +38,8 @@ struct SecureDomain : ::testing::Test {
     return program;
   }
   static bool hears_everything(const Program& viewer) {
-    return comes(viewer, "heard booth/skeleton") && comes(viewer, "heard booth/status") && comes(viewer, "heard booth/body") && comes(viewer, "heard booth/event");
+    return comes(viewer, "heard booth/skeleton") && comes(viewer, "heard booth/status") && comes(viewer, "heard booth/body") &&
+           comes(viewer, "heard booth/event");
   }
 
   /// An honest viewer who comes after the intruder hears everything, and an honest console who comes after it is obeyed: the intruder had as long.
@@ -48,7 +49,7 @@ struct SecureDomain : ::testing::Test {
     EXPECT_THAT(viewer.output(), HasSubstr("refused booth/command")) << "a viewer does not even hear commands";
     Program& console = ready(start("command", fleet.console("honest", {"lobby"})));
     EXPECT_TRUE(comes(console, "answered")) << console.output();
-    std::this_thread::sleep_for(1s);  // for whoever is slower than they were
+    std::this_thread::sleep_for(500ms);  // for whoever is slower than they were
   }
   static std::size_t count(const std::string& text, const std::string& word) {
     std::size_t n = 0;
@@ -114,7 +115,8 @@ TEST_F(Intruders, AnotherBoothsConsoleGetsNothingWithAChangedClient) { get_nothi
 TEST_F(SecureDomain, TheLibraryItselfRefusesWhatIsNotPermitted) {
   Program& ear = start("listen", fleet.console("hall", {"hall"}));
   ready(ear);
-  for (const char* topic : {"skeleton", "status", "body", "event", "command", "reply"}) EXPECT_THAT(ear.output(), HasSubstr(std::string("refused booth/") + topic));
+  for (const char* topic : {"skeleton", "status", "body", "event", "command", "reply"})
+    EXPECT_THAT(ear.output(), HasSubstr(std::string("refused booth/") + topic));
   Program& all = start("listen", fleet.viewer("lobby", {"lobby"}), "*");
   ready(all);
   EXPECT_THAT(all.output(), HasSubstr("refused booth/skeleton")) << "all booths are more than one";
@@ -152,22 +154,39 @@ TEST_F(SecureDomain, ARevokedViewerGetsNothing) {
   EXPECT_THAT(ear.output(), Not(HasSubstr("heard")));
 }
 
-TEST_F(SecureDomain, WhoExpiresWhileConnectedHearsNoMore) {
+TEST_F(SecureDomain, WhoExpiresWhileConnectedHearsNoMoreAndIsHeardNoMore) {
   ready(start("booth", fleet.booth("lobby")));
-  Craft craft = fleet.honest();
-  craft.certificate.until = craft.document.until = daemon::utc_seconds() + 12;
-  Program& viewer = ready(start("listen", fleet.write(craft, "short")));
-  ASSERT_TRUE(hears_everything(viewer)) << viewer.output();
-  EXPECT_TRUE(eventually([&] { return daemon::utc_seconds() > craft.certificate.until + 1; }, kPatience));
-  std::string before;
-  EXPECT_TRUE(eventually(
-      [&] {
-        before = viewer.output();
-        std::this_thread::sleep_for(2s);  // 60 samples, had they come
-        return viewer.output() == before;
-      },
-      kPatience))
-      << viewer.output();
+  Program& lasting = ready(start("listen", fleet.viewer("lasting", {"*"})));
+  ASSERT_TRUE(hears_everything(lasting)) << lasting.output();
+  const std::string hall_ear = fleet.viewer("hall", {"hall"});
+  const auto total = [](const Program& p) { return count(p.output(), "total "); };
+  // A busy machine may need longer than the short life to find each other; then it gets another.
+  for (const std::int64_t life : {12, 60}) {
+    Craft craft = fleet.honest();
+    craft.certificate.until = craft.document.until = daemon::utc_seconds() + life;
+    Program& viewer = start("listen", fleet.write(craft, "viewer" + std::to_string(life)));
+    craft.name = "booth.hall";
+    craft.rules = daemon::rules_for(daemon::Role::booth, {"hall"});
+    Program& booth = start("booth", fleet.write(craft, "booth" + std::to_string(life)), "hall");
+    Program& ear = start("listen", hall_ear, "hall");
+    const auto alive = [&] { return total(viewer) > 0 && total(ear) > 0; };
+    const bool met = eventually([&] { return alive() || daemon::utc_seconds() >= craft.certificate.until; }, 100s) && alive();
+    if (!met && life == 12) continue;
+    ASSERT_TRUE(met) << viewer.output() << ear.output();
+    ASSERT_TRUE(eventually([&] { return daemon::utc_seconds() > craft.certificate.until; }, 100s));
+    std::size_t heard = 0, before = 0;
+    EXPECT_TRUE(eventually(
+        [&] {
+          heard = total(viewer) + total(ear);
+          before = total(lasting);
+          return eventually([&] { return total(lasting) > before + 2; }, kPatience) && total(viewer) + total(ear) == heard;  // 60 samples, had they come
+        },
+        kPatience))
+        << viewer.output() << ear.output();
+    booth.signal(SIGTERM);
+    EXPECT_EQ(booth.wait(), 0) << "a booth that has expired runs on, unheard: " << booth.output();
+    return;
+  }
 }
 
 TEST_F(SecureDomain, IdentitiesRotateWhileTheOldOnesServe) {

@@ -178,7 +178,9 @@ int command(const Options& options) {
   for (std::uint64_t id = 1; !ended; ++id) {
     const booth_msg_Command sample = tests::command("lobby", options.credentials == "plain" ? "plain" : "secured", id, booth_msg_COMMAND_START);
     (void)dds_write(writer, &sample);
-    if (reader && take<booth_msg_Reply>(reader, [](const booth_msg_Reply&) { say("answered"); }, 600ms)) continue;
+    if (reader && take<booth_msg_Reply>(
+                      reader, [](const booth_msg_Reply&) { say("answered"); }, 600ms))
+      continue;
     std::this_thread::sleep_for(600ms);
   }
   return 0;
