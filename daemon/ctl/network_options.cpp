@@ -37,6 +37,14 @@ Config network_config(const NetworkOptions& options) {
   }
 }
 
+/// Whoever may hear some booths and asks for all gets those.
+std::vector<std::string> heard_partitions(const PermissionFacts& permissions) {
+  std::vector<std::string> out;
+  for (const auto& rule : permissions.rules)
+    if (!rule.publish) out.insert(out.end(), rule.partitions.begin(), rule.partitions.end());
+  return std::find(out.begin(), out.end(), "*") == out.end() ? out : std::vector<std::string>{};
+}
+
 }  // namespace
 
 DdsSettings network_settings(const NetworkOptions& options, const std::string& booth, Role role) {
@@ -46,7 +54,10 @@ DdsSettings network_settings(const NetworkOptions& options, const std::string& b
   DdsSettings settings = dds_settings(config);
   settings.booth = booth;
   try {
-    if (const auto credentials = dds_credentials(config, role, false)) settings.identity = credentials->identity;
+    if (const auto credentials = dds_credentials(config, role, false)) {
+      settings.identity = credentials->identity;
+      if (booth == "*") settings.partitions = heard_partitions(credentials->permissions);
+    }
   } catch (const std::exception& e) {
     throw VerbFailure(e.what(), 78);
   }

@@ -20,6 +20,7 @@ struct DdsSettings {
   std::string interface {};  ///< name or address; empty: the library chooses
   bool multicast = true;
   std::vector<std::string> peers{};
+  std::vector<std::string> partitions{};                  ///< of a listener that may hear some booths and not all: these instead of `booth`
   bool secured = false;                                   ///< with it nobody joins in the plain, also not by mistake
   std::shared_ptr<const DdsIdentity> identity = nullptr;  ///< needed where `secured`
 };

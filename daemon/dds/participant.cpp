@@ -58,6 +58,8 @@ void set_identity(const DdsQos& qos, const DdsIdentity& identity) {
 }
 
 dds_entity_t dds_check(dds_entity_t entity, const std::string& what) {
+  if (entity == DDS_RETCODE_NOT_ALLOWED_BY_SECURITY)
+    throw std::runtime_error(fmt::format("DDS: these credentials do not permit {}; `boothctl security show FOLDER` says what they do", what));
   if (entity < 0)
     throw std::runtime_error(
         fmt::format("DDS: {} failed: {} (keys dds.domain, dds.interface, dds.multicast, dds.peers; or dds.enabled=false)", what, dds_strretcode(-entity)));
@@ -95,8 +97,10 @@ DdsParticipant::DdsParticipant(const DdsSettings& settings) {
     participant_ = dds_check(dds_create_participant(settings.domain, participant_qos, nullptr),
                              settings.secured ? "joining the domain with these credentials (dds.security)" : "joining the domain");
     DdsQos partition;
-    const char* names[] = {settings.booth.c_str()};
-    dds_qset_partition(partition, 1, names);
+    std::vector<const char*> names;
+    for (const auto& name : settings.partitions) names.push_back(name.c_str());
+    if (names.empty()) names.push_back(settings.booth.c_str());
+    dds_qset_partition(partition, static_cast<std::uint32_t>(names.size()), names.data());
     publisher_ = dds_check(dds_create_publisher(participant_, partition, nullptr), "making a publisher");
     subscriber_ = dds_check(dds_create_subscriber(participant_, partition, nullptr), "making a subscriber");
   } catch (...) {

@@ -156,9 +156,12 @@ TEST_F(SecurityProgram, AnExpiryIsAnnouncedAndToldToTheFleet) {
   ASSERT_TRUE(eventually([&] { return status()["credential_problem"] != ""; }, 30s));
   EXPECT_THAT(status()["alarm"], HasSubstr("certificate booth.lobby expires in 5 days"));
   EXPECT_THAT(booth.output(), HasSubstr("expires in 5 days"));
-  auto words = set({"fleet", "--seconds", "30", "--expect", "lobby", "--json", "--credentials", fleet.viewer("wall", {"*"})}, network());
+  // Whoever may hear some booths and asks for all hears those.
+  auto words = set({"fleet", "--seconds", "30", "--expect", "lobby", "--json", "--credentials", fleet.viewer("wall", {"lobby", "hall"})}, network());
   EXPECT_EQ(run("boothctl", words), 1) << "unwell: " << output;
   EXPECT_THAT(output, HasSubstr("expires in 5 days"));
+  EXPECT_EQ(run("boothctl", set({"watch", "lobby", "--seconds", "3", "--credentials", fleet.viewer("elsewhere", {"hall"})}, network())), 1);
+  EXPECT_THAT(output, HasSubstr("these credentials do not permit booth/skeleton"));
 }
 
 }  // namespace
