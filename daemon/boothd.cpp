@@ -5,6 +5,8 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdlib>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -72,6 +74,10 @@ struct ShutdownFirst {
 /// instead.
 std::optional<Credentials> open_credentials(const Config& config, bool check_only) {
   if (!config.dds.enabled) return std::nullopt;
+  // Before the first start there are none yet, and whoever only looks at a configuration makes none.
+  std::error_code error;
+  if (check_only && config.dds.credentials.empty() && !std::getenv("CREDENTIALS_DIRECTORY") && !std::filesystem::exists(config.dds.self_issued, error))
+    return std::nullopt;
   try {
     std::optional<Credentials> out = dds_credentials(config, Role::booth, !check_only);
     for (const auto& warning : out ? out->warnings : std::vector<std::string>{}) log_line(LogLevel::warning, "DDS Security: " + warning);

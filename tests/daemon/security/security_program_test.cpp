@@ -108,6 +108,10 @@ TEST_F(SecurityProgram, BoothdDoesNotStartWithoutItsCredentials) {
 }
 
 TEST_F(SecurityProgram, ASelfIssuedBoothIsHeardByWhoHasItsCredentials) {
+  auto check = boothd({});
+  check.push_back("--check-config");
+  EXPECT_EQ(run("boothd", check), 0) << output;
+  EXPECT_FALSE(std::filesystem::exists(self_issued)) << "looking makes nothing";
   Program booth("boothd", boothd({}), fleet.folder.path / "boothd");
   ASSERT_TRUE(is_ready()) << booth.output();
   EXPECT_THAT(status()["dds_security"], HasSubstr("self-issued, booth.lobby, until "));
