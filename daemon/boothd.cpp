@@ -5,6 +5,8 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdlib>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -69,6 +71,25 @@ struct ShutdownFirst {
   Controller& controller;
   ~ShutdownFirst() { controller.shutdown("signal"); }
 };
+
+/// The booth's credentials, examined; nothing where security is off. Whatever is wrong with them ends the start: nothing is ever published in the plain
+/// instead.
+std::optional<Credentials> open_credentials(const Config& config, bool check_only) {
+  if (!config.dds.enabled) return std::nullopt;
+  // Before the first start there are none yet, and whoever only looks at a configuration makes none.
+  std::error_code error;
+  if (check_only && config.dds.credentials.empty() && !std::getenv("CREDENTIALS_DIRECTORY") && !std::filesystem::exists(config.dds.self_issued, error))
+    return std::nullopt;
+  try {
+    std::optional<Credentials> out = dds_credentials(config, Role::booth, !check_only);
+    for (const auto& warning : out ? out->warnings : std::vector<std::string>{}) log_line(LogLevel::warning, "DDS Security: " + warning);
+    return out;
+  } catch (const CredentialError& e) {
+    throw StartFailure(e.may_pass ? kUnavailable : kConfiguration, e.what());
+  } catch (const std::exception& e) {
+    throw StartFailure(kConfiguration, e.what());
+  }
+}
 
 /// When the calibration that the cameras use was written; 0 where there is none.
 std::int64_t calibrated_utc_ns(const Config& config) {
@@ -196,6 +217,7 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     socket_file.emplace(config.control.socket);
   }
   stage(kConfiguration, [&] { check_panel(config); });
+  const std::optional<Credentials> credentials = open_credentials(config, check_only);
   DepthSource source = stage(kUnavailable, [&] { return open_source(config); });
   if (static_cast<int>(source.cameras.size()) > kMaxCameras)
     throw StartFailure(kConfiguration, fmt::format("{} has {} cameras; boothd works with at most {}", source.name, source.cameras.size(), kMaxCameras));
@@ -224,10 +246,16 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     recorder->event(kind, from, text);
     if (kind == "fault") housekeeper.fault(text);
   };
+  if (credentials) {
+    settings.dds_security = credentials_line(*credentials);
+    settings.credential_problem = [&] { return expiry_problem(*credentials, utc_seconds(), config.dds.expiry_warning_days); };
+    log_line(LogLevel::info, "DDS Security: " + settings.dds_security);
+  }
   Controller controller(std::move(settings), *source.clock);
   std::unique_ptr<DdsLink> dds;
   if (config.dds.enabled) {
     DdsSettings network = dds_settings(config);
+    if (credentials) network.identity = credentials->identity;
     network.ros2 = ros2_settings(config, source.cameras);
     dds = stage(kUnavailable, [&] {
       return std::make_unique<DdsLink>(network, *source.clock, [&](DdsCommand command) { return answer_remote_command(command, controller, *recorder); });

@@ -79,7 +79,8 @@ struct Config {
     std::string interface;
     bool multicast = true;
     std::vector<std::string> peers;
-    std::string security = "off";
+    std::string security = "off", credentials, self_issued = "/var/lib/boothd/security";
+    std::int64_t expiry_warning_days = 30;
     bool ros2 = false;
     std::string ros2_namespace;
   } dds;

@@ -161,6 +161,7 @@ Config load_config(const ConfigSources& sources) {
     loader.config.session.directory = std::string(state) + "/sessions";
     loader.config.record.directory = std::string(state) + "/recordings";
     loader.config.cameras.kinect2.cache = std::string(state) + "/kinect2";
+    loader.config.dds.self_issued = std::string(state) + "/security";
   }
 
   const bool named = !sources.file.empty();
@@ -184,6 +185,8 @@ Config load_config(const ConfigSources& sources) {
       loader.problem("configuration", "cameras.minimum",
                      fmt::format("is {}, but the simulated booth has only {} cameras (cameras.synthetic.count)", c.cameras.minimum, c.cameras.synthetic.count));
   }
+  if (loader.problems.empty() && c.dds.security == "on" && c.dds.domain > 230)
+    loader.problem("configuration", "dds.domain", fmt::format("is {}; DDS Security (dds.security) knows domains from 0 to 230", c.dds.domain));
   if (!loader.problems.empty()) {
     ConfigError failure(loader.problems);
     failure.only_device_absent = loader.absent == loader.problems.size();

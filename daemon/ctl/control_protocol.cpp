@@ -90,6 +90,8 @@ Json make_status(const DaemonStatus& s) {
   j["backend"] = {{"name", s.backend.name}, {"problem", s.backend.problem}, {"losses", s.backend.losses}, {"changes", s.backend.changes}};
   j["dds_failures"] = s.dds_failures;
   if (!s.dds_problem.empty()) j["dds_problem"] = s.dds_problem;
+  j["dds_security"] = s.dds_security;
+  j["credential_problem"] = s.credential_problem;
   if (s.last_summary) j["last_session"] = Json::parse(s.last_summary->json, nullptr, false);
   return j;
 }

@@ -28,6 +28,8 @@ int main(int argc, char** argv) {
   add_model_verbs(app);
   add_bench_verb(app);
   add_evaluate_verb(app);
+  add_command_verb(app);
+  add_security_verb(app);
   add_config_verb(app);
   std::signal(SIGPIPE, SIG_IGN);
   try {

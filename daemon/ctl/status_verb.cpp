@@ -52,6 +52,8 @@ std::string for_people(const Json& s) {
   if (s.contains("backend") && s["backend"].is_object())
     if (const std::string problem = s["backend"].value("problem", ""); !problem.empty())
       out += "backend    " + s["backend"].value("name", "") + ": " + problem + "\n";
+  if (const std::string security = s.value("dds_security", ""); !security.empty()) out += "security   " + security + "\n";
+  if (const std::string problem = s.value("credential_problem", ""); !problem.empty() && problem != s.value("alarm", "")) out += "security   " + problem + "\n";
   if (const std::string remark = s.value("remark", ""); !remark.empty()) out += "remark     " + remark + "\n";
   for (const Json& c : s.value("cameras", Json::array())) {
     out += fmt::format("camera     {:<14} {:<10} {:>5.1f} frames/s, {} dropped, {} restarts{}{}{}\n", c.value("name", "?"), camera_state(c.value("state", "?")),

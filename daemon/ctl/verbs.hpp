@@ -27,6 +27,8 @@ void add_bench_verb(CLI::App& app);        ///< bench signature
 void add_evaluate_verb(CLI::App& app);     ///< evaluate
 void add_export_verbs(CLI::App& app);      ///< export
 void add_record_verbs(CLI::App& app);      ///< record, snapshot
+void add_command_verb(CLI::App& app);      ///< command
+void add_security_verb(CLI::App& app);     ///< security init, issue, revoke, show
 void add_config_verb(CLI::App& app);       ///< config reference
 
 }  // namespace booth::daemon

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,13 +17,22 @@ struct Ros2Settings {
   std::vector<hal::CameraDescription> cameras{};  ///< whose places are told
 };
 
+/// What a participant proves itself with under DDS Security: contents of files, PEM and S/MIME.
+struct DdsIdentity {
+  std::string identity_ca, certificate, private_key, permissions_ca, governance, permissions;
+  std::string revocations{};  ///< path of a list of revoked certificates (the library reads it itself); empty: none
+};
+
 struct DdsSettings {
   std::string booth = "booth";  ///< partition; of a listener "*" or one booth's
   std::uint32_t domain = 0;
   std::string interface {};  ///< name or address; empty: the library chooses
   bool multicast = true;
   std::vector<std::string> peers{};
-  std::optional<Ros2Settings> ros2{};  ///< of a booth alone; nothing: no mirror
+  std::vector<std::string> partitions{};                  ///< of a listener that may hear some booths and not all: these instead of `booth`
+  bool secured = false;                                   ///< with it nobody joins in the plain, also not by mistake
+  std::shared_ptr<const DdsIdentity> identity = nullptr;  ///< needed where `secured`
+  std::optional<Ros2Settings> ros2{};                     ///< of a booth alone; nothing: no mirror
 };
 
 /// Cyclone DDS's own configuration for these settings, as XML (what CYCLONEDDS_URI would hold).

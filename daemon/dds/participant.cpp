@@ -36,7 +36,30 @@ bool is_address(const std::string& text) { return text.find_first_not_of("012345
 
 }  // namespace
 
+void set_identity(const DdsQos& qos, const DdsIdentity& identity) {
+  const auto set = [&](const char* name, const std::string& value) { dds_qset_prop(qos, name, value.c_str()); };
+  struct Plugin {
+    const char *part, *library, *name;
+  };
+  for (const Plugin p : {Plugin{"auth", "dds_security_auth", "authentication"}, Plugin{"crypto", "dds_security_crypto", "crypto"},
+                         Plugin{"access", "dds_security_ac", "access_control"}}) {
+    set(fmt::format("dds.sec.{}.library.path", p.part).c_str(), p.library);
+    set(fmt::format("dds.sec.{}.library.init", p.part).c_str(), fmt::format("init_{}", p.name));
+    set(fmt::format("dds.sec.{}.library.finalize", p.part).c_str(), fmt::format("finalize_{}", p.name));
+  }
+  // As data and not as files: what was examined is what is used, whatever becomes of the files.
+  set("dds.sec.auth.identity_ca", "data:," + identity.identity_ca);
+  set("dds.sec.auth.identity_certificate", "data:," + identity.certificate);
+  set("dds.sec.auth.private_key", "data:," + identity.private_key);
+  set("dds.sec.access.permissions_ca", "data:," + identity.permissions_ca);
+  set("dds.sec.access.governance", "data:," + identity.governance);
+  set("dds.sec.access.permissions", "data:," + identity.permissions);
+  if (!identity.revocations.empty()) set("org.eclipse.cyclonedds.sec.auth.crl", "file:" + identity.revocations);
+}
+
 dds_entity_t dds_check(dds_entity_t entity, const std::string& what) {
+  if (entity == DDS_RETCODE_NOT_ALLOWED_BY_SECURITY)
+    throw std::runtime_error(fmt::format("DDS: these credentials do not permit {}; `boothctl security show FOLDER` says what they do", what));
   if (entity < 0)
     throw std::runtime_error(
         fmt::format("DDS: {} failed: {} (keys dds.domain, dds.interface, dds.multicast, dds.peers; or dds.enabled=false)", what, dds_strretcode(-entity)));
@@ -69,10 +92,15 @@ DdsParticipant::DdsParticipant(const DdsSettings& settings) {
     // Another part of this process may have opened the domain already (tests do); its configuration then holds.
     if (domain_ < 0 && domain_ != DDS_RETCODE_PRECONDITION_NOT_MET) dds_check(domain_, "opening the domain");
     DdsQos participant_qos;  // what identifies this participant to others is set here and nowhere else
-    participant_ = dds_check(dds_create_participant(settings.domain, participant_qos, nullptr), "joining the domain");
+    if (settings.secured && !settings.identity) throw std::runtime_error("DDS: dds.security is \"on\", and this part of the program has no credentials");
+    if (settings.secured) set_identity(participant_qos, *settings.identity);
+    participant_ = dds_check(dds_create_participant(settings.domain, participant_qos, nullptr),
+                             settings.secured ? "joining the domain with these credentials (dds.security)" : "joining the domain");
     DdsQos partition;
-    const char* names[] = {settings.booth.c_str()};
-    dds_qset_partition(partition, 1, names);
+    std::vector<const char*> names;
+    for (const auto& name : settings.partitions) names.push_back(name.c_str());
+    if (names.empty()) names.push_back(settings.booth.c_str());
+    dds_qset_partition(partition, static_cast<std::uint32_t>(names.size()), names.data());
     publisher_ = dds_check(dds_create_publisher(participant_, partition, nullptr), "making a publisher");
     subscriber_ = dds_check(dds_create_subscriber(participant_, partition, nullptr), "making a subscriber");
   } catch (...) {

@@ -81,6 +81,7 @@ void Controller::loop() {
     watch_cameras();
     watch_backend();
     watch_panel();
+    watch_credentials();
     const hal::MonotonicTime now = clock_.now();
     if (files_done_.exchange(false)) {
       finisher_.join();
@@ -181,6 +182,20 @@ void Controller::watch_panel() {
     say_event("state", "gpio", "buttons and light work again");
   panel_log_.tell(clock_.now());
   panel_said_ = std::move(now);
+}
+
+void Controller::watch_credentials() {
+  if (!settings_.credential_problem || clock_.now() < next_credential_look_) return;
+  next_credential_look_ = clock_.now() + 1s;
+  std::string now = settings_.credential_problem();
+  {
+    const std::lock_guard lock(shared_mutex_);
+    if (now == credential_problem_) return;
+    credential_problem_ = now;
+  }
+  // The sentence counts days, so that it is said again every day.
+  if (!now.empty()) log_line(LogLevel::warning, now);
+  say_event(now.empty() ? "state" : "fault", "dds", now.empty() ? "the credentials serve for long enough again" : now);
 }
 
 void Controller::apply(const SessionOutcome& outcome, const std::string& source) {
@@ -345,7 +360,9 @@ DaemonStatus Controller::status() const {
   out.countdown_seconds = countdown_;
   out.panel = panel_;
   out.session_alarm = alarm_;
-  out.alarm = !alarm_.empty() || panel_.problems.empty() ? alarm_ : panel_.problems.front();
+  out.dds_security = settings_.dds_security;
+  out.credential_problem = credential_problem_;
+  out.alarm = !alarm_.empty() ? alarm_ : !panel_.problems.empty() ? panel_.problems.front() : credential_problem_;
   out.session = session_;
   out.session_folder = folder_.string();
   out.remark = remark_;

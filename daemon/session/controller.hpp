@@ -40,6 +40,8 @@ struct ControllerSettings {
   double calibration_residual = -1;               ///< metres; negative: not known
   /// Hears of everything that happens, on the controller's thread: kind, source, text. May be empty.
   std::function<void(const std::string&, const std::string&, const std::string&)> on_event{};
+  std::string dds_security = "off";                   ///< what status shows of it: whose credentials, until when
+  std::function<std::string()> credential_problem{};  ///< asked every second: what a person should look after; may be empty
 };
 
 /// Answer to a request.
@@ -77,6 +79,7 @@ struct DaemonStatus {
   BackendStatus backend;
   std::uint64_t dds_failures = 0;
   std::string dds_problem;
+  std::string dds_security, credential_problem;
 };
 
 /// Public functions are thread-safe unless they say otherwise.
@@ -122,6 +125,7 @@ class Controller final : public FrameSink {
   void watch_cameras();
   void watch_backend();
   void watch_panel();
+  void watch_credentials();
   void apply(const SessionOutcome& outcome, const std::string& source);
   void begin_session();
   void end_session(const std::string& reason, const std::string& state_at_end);
@@ -156,7 +160,7 @@ class Controller final : public FrameSink {
   RepeatedLog camera_log_, panel_log_;  ///< one line for each cause; repetitions are counted
   std::vector<std::string> panel_said_;
   BackendStatus backend_said_;
-  hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{};
+  hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{}, next_credential_look_{};
   std::string status_key_;
   std::int64_t session_began_utc_ = 0;
 
@@ -165,7 +169,7 @@ class Controller final : public FrameSink {
   bool last_known_ = false;
   hal::MonotonicTime first_frame_{}, last_frame_{};
   std::uint64_t frames_ = 0;
-  std::string alarm_, session_;
+  std::string alarm_, session_, credential_problem_;
   const char* remark_ = "";  ///< a constant sentence of the fitter's: log() may not allocate
   std::filesystem::path folder_;
   PanelStatus panel_;

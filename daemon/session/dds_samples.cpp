@@ -23,7 +23,8 @@ void add_disk(StatusSample& out, std::filesystem::path folder) {
 
 void add_faults(StatusSample& out, const DaemonStatus& s) {
   const auto add = [&](const char* source, std::string text) { out.faults.emplace_back(source, std::move(text)); };
-  if (!s.alarm.empty()) add("session", s.alarm);
+  if (!s.credential_problem.empty()) add("dds", s.credential_problem);
+  if (!s.alarm.empty() && s.alarm != s.credential_problem) add("session", s.alarm);
   for (const auto& problem : s.panel.problems)
     if (problem != s.alarm) add("gpio", problem);
   if (s.latched) add("panel", "the emergency stop is pressed");

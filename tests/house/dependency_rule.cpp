@@ -20,7 +20,7 @@ std::string library_of(const std::string& header) {
     const char* header;
     const char* library;
   };
-  static constexpr std::array<Prefix, 23> prefixes{{{"Eigen/", "Eigen"},
+  static constexpr std::array<Prefix, 24> prefixes{{{"Eigen/", "Eigen"},
                                                     {"flann/", "FLANN"},
                                                     {"libusb-1.0/", "libusb"},
                                                     {"gpiod.h", "libgpiod"},
@@ -42,6 +42,7 @@ std::string library_of(const std::string& header) {
                                                     {"rapidcheck", "RapidCheck"},
                                                     {"benchmark/", "Google Benchmark"},
                                                     {"seccomp.h", "libseccomp"},
+                                                    {"openssl/", "OpenSSL"},
                                                     {"cuda_runtime.h", "CUDA"}}};
   for (const Prefix& p : prefixes)
     if (starts_with(header, p.header)) return p.library;
@@ -81,6 +82,8 @@ const std::vector<Rule>& rules() {
       {"daemon/drivers_factory.", {"hal", "fit", "daemon", "drivers"}, {"std", "POSIX", "fmt", "Eigen"}},
       // assimp writes FBX; OpenCV calibrates: each in its own corner.
       {"daemon/record/export", {"hal", "fit", "daemon"}, {"std", "Eigen", "fmt", "assimp"}},
+      // Certificates and signatures stay in one folder.
+      {"daemon/security/", {"daemon"}, {"std", "POSIX", "fmt", "OpenSSL"}},
       {"daemon/calibrate/", {"hal", "fit", "daemon"}, {"std", "POSIX", "Eigen", "fmt", "toml++", "OpenCV"}},
   };
   return all;

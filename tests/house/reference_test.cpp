@@ -123,6 +123,7 @@ TEST(Reference, EveryPackageThatTheBuildLooksForIsInTheList) {
                                                                 {"CycloneDDS", "cyclonedds-dev"},
                                                                 {"tomlplusplus", "libtomlplusplus-dev"},
                                                                 {"SYSTEMD", "libsystemd-dev"},
+                                                                {"OpenSSL", "libssl-dev"},
                                                                 {"fastcdr", "libfastcdr-dev"},
                                                                 {"SQLite3", "libsqlite3-dev"},
                                                                 {"SQLITE", "libsqlite3-dev"},
