@@ -74,6 +74,9 @@ struct Config {
     std::int64_t max_age_days = 7;
   } record;
   struct {
+    std::string seal_to;
+  } privacy;
+  struct {
     bool enabled = true;
     std::int64_t domain = 0;
     std::string interface;

@@ -293,6 +293,10 @@ const std::vector<ConfigKey>& table() {
        .doc = "Recordings older than this many days are deleted; 0: no limit.",
        .minimum = 0,
        .maximum = 36500},
+      {.name = "privacy.seal_to",
+       .slot = BOOTH_SLOT(privacy.seal_to),
+       .doc = "File with the public key (`boothctl key new`) to which sessions and recordings are sealed, so that this booth cannot read them again; empty: they "
+              "are not sealed."},
       {.name = "dds.enabled", .slot = BOOTH_SLOT(dds.enabled), .doc = "Publish on DDS at all."},
       {.name = "dds.domain", .slot = BOOTH_SLOT(dds.domain), .doc = "DDS domain.", .minimum = 0, .maximum = 232},
       {.name = "dds.interface",

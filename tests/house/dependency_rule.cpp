@@ -20,7 +20,7 @@ std::string library_of(const std::string& header) {
     const char* header;
     const char* library;
   };
-  static constexpr std::array<Prefix, 23> prefixes{{{"Eigen/", "Eigen"},
+  static constexpr std::array<Prefix, 24> prefixes{{{"Eigen/", "Eigen"},
                                                     {"flann/", "FLANN"},
                                                     {"libusb-1.0/", "libusb"},
                                                     {"gpiod.h", "libgpiod"},
@@ -42,6 +42,7 @@ std::string library_of(const std::string& header) {
                                                     {"rapidcheck", "RapidCheck"},
                                                     {"benchmark/", "Google Benchmark"},
                                                     {"seccomp.h", "libseccomp"},
+                                                    {"sodium.h", "libsodium"},
                                                     {"cuda_runtime.h", "CUDA"}}};
   for (const Prefix& p : prefixes)
     if (starts_with(header, p.header)) return p.library;
@@ -79,6 +80,8 @@ const std::vector<Rule>& rules() {
        {"std", "POSIX", "Eigen", "Cyclone DDS", "libsystemd", "libseccomp", "toml++", "CLI11", "fmt", "nlohmann-json", "libpng", "zlib"}},
       // The one place where drivers are constructed.
       {"daemon/drivers_factory.", {"hal", "fit", "daemon", "drivers"}, {"std", "POSIX", "fmt", "Eigen"}},
+      // Cryptography in one place.
+      {"daemon/seal/", {"hal", "daemon"}, {"std", "POSIX", "fmt", "libsodium"}},
       // assimp writes FBX; OpenCV calibrates: each in its own corner.
       {"daemon/record/export", {"hal", "fit", "daemon"}, {"std", "Eigen", "fmt", "assimp"}},
       {"daemon/calibrate/", {"hal", "fit", "daemon"}, {"std", "POSIX", "Eigen", "fmt", "toml++", "OpenCV"}},
