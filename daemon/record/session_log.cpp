@@ -130,6 +130,14 @@ std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder, c
   if (seal) {
     SealedReader in(folder, kSealedFrameLogName, *seal);
     std::string plain, chunk;
+    if (in.next(chunk)) {
+      plain = chunk;
+    } else if (in.end() == SealEnd::cut) {  // interrupted before anything was in it
+      if (complaint) *complaint = in.complaint();
+      return {};
+    } else {
+      throw std::runtime_error(in.complaint());
+    }
     const auto read = [&](void* to, std::size_t count) {
       while (plain.size() < count && in.next(chunk)) plain += chunk;
       if (plain.size() < count) return false;

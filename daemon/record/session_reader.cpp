@@ -119,7 +119,7 @@ SessionContents read_session(const fs::path& folder, const Seal* seal) {
   };
   const bool log = fs::exists(seal ? name_of(kSealedFrameLogName) : folder / kFrameLogName, ignored);
   // A sealed session in work, or interrupted, has only its outline.
-  const bool outline = seal && log;
+  const bool outline = seal && (log || !fs::exists(name_of("session.json"), ignored));
   const fs::path file = outline ? folder / "session.json" : name_of("session.json");
   const Json j = Json::parse(outline ? read_file_bytes(file, kMostJson) : bytes_of("session.json", kMostJson), nullptr, false);
   if (!j.is_object() || !j.contains("result") || !j["result"].is_string())
@@ -127,6 +127,7 @@ SessionContents read_session(const fs::path& folder, const Seal* seal) {
   SessionContents out;
   out.id = folder.filename().string();
   out.result = j["result"].get<std::string>();
+  if (outline && out.result == "complete") throw std::runtime_error(fmt::format("{}: is missing", name_of("session.json").string()));
   if (log) {
     out.frames = read_session_log(folder, seal);
     return out;

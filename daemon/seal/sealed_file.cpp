@@ -70,6 +70,7 @@ class GrowingFile final : public hal::SealedFile {
   GrowingFile(const GrowingFile&) = delete;
 
   void append(std::span<const std::byte> bytes) override {
+    expect_unbroken();
     std::string_view rest(reinterpret_cast<const char*>(bytes.data()), bytes.size());
     while (!rest.empty()) {
       const std::string_view part = rest.substr(0, kSealChunk - plain_.size());
@@ -79,6 +80,7 @@ class GrowingFile final : public hal::SealedFile {
     }
   }
   void flush() override {
+    expect_unbroken();
     if (!plain_.empty()) chunk(false);
     if (::fdatasync(fd_) != 0) fail();
   }
@@ -91,8 +93,10 @@ class GrowingFile final : public hal::SealedFile {
   std::uint64_t bytes() const override { return whole_; }
 
  private:
-  void chunk(bool last) {
+  void expect_unbroken() const {
     if (broken_) throw std::runtime_error(fmt::format("{}: could not be written before; nothing more goes into it", file_.string()));
+  }
+  void chunk(bool last) {
     sealed_.clear();
     encoder_.append(plain_, last, sealed_);
     plain_.clear();
