@@ -254,6 +254,12 @@ const std::vector<ConfigKey>& table() {
        .doc = "A button counts as pressed or released when its line has been quiet for this many milliseconds.",
        .minimum = 0,
        .maximum = 1000},
+      {.name = "gpio.long_press_seconds",
+       .slot = BOOTH_SLOT(gpio.long_press_seconds),
+       .doc = "A start button that is pressed for this many seconds asks for a calibration instead, and a shorter press counts when it is let go. 0: presses of "
+              "any length are the same, and count at once.",
+       .minimum = 0,
+       .maximum = 60},
       {.name = "gpio.stuck_seconds",
        .slot = BOOTH_SLOT(gpio.stuck_seconds),
        .doc = "A start or stop button that has been pressed for this many seconds is shown as stuck.",
