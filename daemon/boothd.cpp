@@ -252,9 +252,8 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     if (auto answer = answer_record_request(line, *recorder)) return *std::move(answer);
     return with_recorder(answer_request(line, controller), *recorder);
   });
-  log_line(LogLevel::info,
-           fmt::format("boothd {} is ready: {}; {} cameras; control socket {}{}", BOOTHD_VERSION, source.name, source.cameras.size(), config.control.socket,
-                       seal_to ? "; sessions and recordings are sealed to key " + seal_to->id() : ""));
+  log_line(LogLevel::info, fmt::format("boothd {} is ready: {}; {} cameras; control socket {}{}", BOOTHD_VERSION, source.name, source.cameras.size(),
+                                       config.control.socket, seal_to ? "; sessions and recordings are sealed to key " + seal_to->id() : ""));
   notify_ready("idle");
   const ExitStatus status = watch(signals, pipeline, controller, panel, *source.clock);
   notify_stopping();

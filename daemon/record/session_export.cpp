@@ -84,8 +84,7 @@ void export_glb(const FileTarget& file, const std::vector<FrameRecord>& frames, 
                    .frame_seconds = 1 / kExportRate});
 }
 
-void export_ply(const FileTarget& file, const FrameRecord& last, const fit::BodyModel& model, const std::string& session,
-                std::span<const double> detail) {
+void export_ply(const FileTarget& file, const FrameRecord& last, const fit::BodyModel& model, const std::string& session, std::span<const double> detail) {
   const fit::ShapeVector beta = beta_of(last);
   fit::Vertices posed, normals;
   model.shaped(beta, posed);

@@ -23,8 +23,7 @@ void export_csv(const FileTarget& file, const std::vector<FrameRecord>& frames);
 void export_bvh(const FileTarget& file, const std::vector<FrameRecord>& frames, const FrameRecord& last, const fit::BodyModel& model);
 void export_glb(const FileTarget& file, const std::vector<FrameRecord>& frames, const FrameRecord& last, const fit::BodyModel& model);
 /// `detail`: offsets of the detail layer, one per vertex of the model, metres; of another length: none.
-void export_ply(const FileTarget& file, const FrameRecord& last, const fit::BodyModel& model, const std::string& session,
-                std::span<const double> detail = {});
+void export_ply(const FileTarget& file, const FrameRecord& last, const fit::BodyModel& model, const std::string& session, std::span<const double> detail = {});
 /// measurements.json: name to value, sd (null: not known) and unit; sex, beta, bone lengths, the model's version.
 void export_measurements(const FileTarget& file, const FrameRecord& last, const fit::BodyModel& model);
 

@@ -167,7 +167,8 @@ std::string close_sealed(const fs::path& folder, const SessionInfo& info, const 
   } catch (const std::exception& e) {
     return fmt::format("session {} was interrupted and cannot be closed: {}", info.id, e.what());
   }
-  return fmt::format("session {} was interrupted; it is sealed, and about {} frames of it wait for `boothctl decrypt`", info.id, j["frames"].get<std::uint64_t>());
+  return fmt::format("session {} was interrupted; it is sealed, and about {} frames of it wait for `boothctl decrypt`", info.id,
+                     j["frames"].get<std::uint64_t>());
 }
 
 }  // namespace

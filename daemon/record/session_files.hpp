@@ -24,7 +24,8 @@ struct SessionModels {
 std::string make_session_id(std::int64_t utc_ns);
 
 /// Makes DIRECTORY/ID (mode 0700) with a session.json that says `running`; the folder appears whole or not at all. Creates DIRECTORY where it is missing.
-/// With a seal the folder holds its seal.key, and everything that tells of the person is written sealed from then on. Throws std::runtime_error naming the path, the reason and the remedy.
+/// With a seal the folder holds its seal.key, and everything that tells of the person is written sealed from then on. Throws std::runtime_error naming the
+/// path, the reason and the remedy.
 std::filesystem::path create_session_folder(const std::filesystem::path& directory, const SessionInfo& info, const Seal* seal = nullptr);
 
 /// What session.json says of the result; also what `stop --wait` and `track` print.

@@ -152,7 +152,8 @@ std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder, c
   const auto path = folder / kFrameLogName;
   std::ifstream in(path, std::ios::binary);
   if (!in) throw std::runtime_error(fmt::format("{}: there is no log of frames that could be read", path.string()));
-  return read_records(path, [&](void* to, std::size_t count) { return static_cast<bool>(in.read(static_cast<char*>(to), static_cast<std::streamsize>(count))); });
+  return read_records(path,
+                      [&](void* to, std::size_t count) { return static_cast<bool>(in.read(static_cast<char*>(to), static_cast<std::streamsize>(count))); });
 }
 
 }  // namespace booth::daemon

@@ -29,7 +29,8 @@ class SessionLog {
   ~SessionLog();
   SessionLog(const SessionLog&) = delete;
 
-  /// Begins the raw log in an existing folder; sealed where a seal is given, record by record. Throws std::runtime_error naming the path and the system's reason.
+  /// Begins the raw log in an existing folder; sealed where a seal is given, record by record. Throws std::runtime_error naming the path and the system's
+  /// reason.
   void open(const std::filesystem::path& folder, const Seal* seal = nullptr);
   /// Called by one thread. Returns at once; a frame that finds the ring full is counted as lost.
   void append(const FrameRecord& record) noexcept;

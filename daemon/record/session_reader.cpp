@@ -111,8 +111,10 @@ std::vector<FrameRecord> parse_skeleton_csv(std::string_view text, const std::st
 SessionContents read_session(const fs::path& folder, const Seal* seal) {
   std::error_code ignored;
   if (!fs::is_directory(folder, ignored)) throw std::runtime_error(fmt::format("{}: there is no such session", folder.string()));
-  if (!is_sealed(folder)) seal = nullptr;
-  else if (!seal) throw std::runtime_error(sealed_sentence(folder));
+  if (!is_sealed(folder))
+    seal = nullptr;
+  else if (!seal)
+    throw std::runtime_error(sealed_sentence(folder));
   const auto name_of = [&](const char* name) { return folder / (seal ? std::string(name) + kSealedEnding : std::string(name)); };
   const auto bytes_of = [&](const char* name, std::uint64_t most) {
     return seal ? read_sealed_file(folder, name, *seal, most) : read_file_bytes(folder / name, most);

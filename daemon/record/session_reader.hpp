@@ -17,8 +17,8 @@ struct SessionContents {
   std::vector<FrameRecord> frames;
 };
 
-/// A sealed session is read with its seal; without it, that it is sealed and what to do is the error. From the raw log where it is still there, else from skeleton.csv (whose numbers are floats) and session.json. Throws std::runtime_error with one sentence
-/// that names the file, the place and what is wrong.
+/// A sealed session is read with its seal; without it, that it is sealed and what to do is the error. From the raw log where it is still there, else from
+/// skeleton.csv (whose numbers are floats) and session.json. Throws std::runtime_error with one sentence that names the file, the place and what is wrong.
 SessionContents read_session(const std::filesystem::path& folder, const Seal* seal = nullptr);
 
 /// The rows of a skeleton.csv: times, states, poses, joints and residuals; no body. `name` is for the errors, which are std::runtime_error.

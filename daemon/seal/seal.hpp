@@ -11,8 +11,8 @@
 
 namespace booth::daemon {
 
-inline constexpr const char* kSealKeyName = "seal.key";   ///< the folder's key, itself sealed to the public key
-inline constexpr const char* kSealedEnding = ".sealed";   ///< of every file that is closed with it
+inline constexpr const char* kSealKeyName = "seal.key";          ///< the folder's key, itself sealed to the public key
+inline constexpr const char* kSealedEnding = ".sealed";          ///< of every file that is closed with it
 inline constexpr std::size_t kSealChunk = std::size_t{1} << 16;  ///< plain bytes in a chunk, at most
 
 /// The key of one folder. Immutable; thread-safe.

@@ -74,8 +74,7 @@ constexpr std::array<std::array<Cell, kSessionStates>, kSessionEvents> kTable{{
 constexpr std::array<std::string_view, kSessionStates> kStateNames{"idle", "estimating", "tracking", "searching", "finishing", "countdown"};
 constexpr std::array<std::string_view, kSessionEvents> kEventNames{
     "start",       "stop",         "toggle",        "emergency_pressed", "emergency_released", "body_accepted", "person_lost", "person_found",
-    "search_over", "session_over", "sources_ended", "files_written",     "countdown_over",     "estimate_over", "pause_over",
-    "calibrate"};
+    "search_over", "session_over", "sources_ended", "files_written",     "countdown_over",     "estimate_over", "pause_over",  "calibrate"};
 
 }  // namespace
 

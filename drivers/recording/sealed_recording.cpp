@@ -23,7 +23,7 @@ enum class Kind : std::uint8_t { header = 1, background = 2, depth = 3, group = 
 enum Flag : std::uint8_t { kDepth = 1, kPlainImages = 2, kGroups = 4 };
 
 constexpr std::uint8_t kVersion = 1;
-constexpr std::size_t kHead = 5;                        ///< of a record: size and kind
+constexpr std::size_t kHead = 5;                           ///< of a record: size and kind
 constexpr std::size_t kMostRecord = std::size_t{1} << 28;  ///< more than any image that a recording may have
 constexpr auto kCommit = std::chrono::seconds(1);
 
@@ -85,7 +85,8 @@ class SealedSink final : public RecordingSink {
     check_ros_cameras(cameras, contents.depth);
     const std::string text = calibration_text(cameras);
     Packer header(Kind::header);
-    header.byte(kVersion).byte(static_cast<std::uint8_t>((contents.depth ? kDepth : 0) | (contents.compressed ? 0 : kPlainImages) | (contents.groups ? kGroups : 0)));
+    header.byte(kVersion).byte(
+        static_cast<std::uint8_t>((contents.depth ? kDepth : 0) | (contents.compressed ? 0 : kPlainImages) | (contents.groups ? kGroups : 0)));
     file_->append(header.raw(std::as_bytes(std::span(text))).record());
     std::vector<std::byte> packed;
     for (const auto& frame : background) {

@@ -70,8 +70,9 @@ std::vector<std::string> messages(const fs::path& bag) {
     sqlite3* db = nullptr;
     EXPECT_EQ(sqlite3_open_v2(file.path().c_str(), &db, SQLITE_OPEN_READONLY, nullptr), SQLITE_OK);
     sqlite3_stmt* s = nullptr;
-    EXPECT_EQ(sqlite3_prepare_v2(db, "SELECT name, type, timestamp, data FROM messages JOIN topics ON topics.id = topic_id ORDER BY messages.id", -1, &s, nullptr),
-              SQLITE_OK);
+    EXPECT_EQ(
+        sqlite3_prepare_v2(db, "SELECT name, type, timestamp, data FROM messages JOIN topics ON topics.id = topic_id ORDER BY messages.id", -1, &s, nullptr),
+        SQLITE_OK);
     while (sqlite3_step(s) == SQLITE_ROW) {
       std::string row = reinterpret_cast<const char*>(sqlite3_column_text(s, 0));
       row += " " + std::string(reinterpret_cast<const char*>(sqlite3_column_text(s, 1))) + " " + std::to_string(sqlite3_column_int64(s, 2)) + " ";
@@ -118,7 +119,8 @@ struct SealedRecording : ::testing::Test {
 };
 
 TEST_F(SealedRecording, OpenedItIsTheBagThatWouldHaveBeenThere) {
-  const BagContents kinds[] = {{.compressed = true, .depth = true, .groups = true}, {.compressed = false, .depth = true, .groups = true},
+  const BagContents kinds[] = {{.compressed = true, .depth = true, .groups = true},
+                               {.compressed = false, .depth = true, .groups = true},
                                {.compressed = true, .depth = false, .groups = true}};
   int number = 0;
   for (const BagContents& contents : kinds) {

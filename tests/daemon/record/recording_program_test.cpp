@@ -153,11 +153,15 @@ TEST_F(RecordingProgram, SealedItOpensForTheKeyAloneAndIsReplayedToTheSameBits) 
   const std::string shown = out.substr(out.rfind(' ') + 1);
   start(true, {"privacy.seal_to=" + base + ".public"});
   EXPECT_THAT(boothd->err(), HasSubstr("are sealed to key " + shown.substr(0, 16)));
+  EXPECT_EQ(ask({{"request", "record"}, {"depth", true}, {"seconds", 600}})["ok"], true);
   EXPECT_EQ(ask({{"request", "start"}})["ok"], true);
-  ASSERT_TRUE(eventually([&] { return ask({{"request", "status"}})["frames"].get<int>() >= 12; }, 100s));
+  // Who wants the recording to go on, asks.
+  ASSERT_TRUE(eventually([&] { return ask({{"request", "record_status"}})["ok"] == true && ask({{"request", "status"}})["frames"].get<int>() >= 12; }, 100s));
   const std::string session = ask({{"request", "status"}})["session_folder"];
-  EXPECT_EQ(ctl({"snapshot", "--json"}, socket), 0) << err;
-  const std::string bag = json::parse(out)["path"];
+  EXPECT_EQ(ctl({"snapshot"}, socket), 0) << err;
+  EXPECT_EQ(ask({{"request", "record_stop"}})["ok"], true);
+  ASSERT_TRUE(eventually([&] { return ask({{"request", "record_status"}})["recording"]["running"] == false; }, 60s));
+  const std::string bag = ask({{"request", "record_status"}})["recording"]["path"];
   EXPECT_EQ(ask({{"request", "stop"}})["ok"], true);
   ASSERT_TRUE(eventually([&] { return ask({{"request", "status"}})["state"] == "idle"; }, 60s));
   boothd->signal(SIGTERM);
@@ -166,7 +170,8 @@ TEST_F(RecordingProgram, SealedItOpensForTheKeyAloneAndIsReplayedToTheSameBits) 
     for (const auto& file : fs::recursive_directory_iterator(folder.path / place)) {
       if (!file.is_regular_file()) continue;
       const std::string text = read_text(file.path());
-      for (const char* word : {"depth", "lfemur", "beta", "SQLite", "HIERARCHY"}) EXPECT_EQ(text.find(word), std::string::npos) << file.path() << " says " << word;
+      for (const char* word : {"depth", "lfemur", "beta", "SQLite", "HIERARCHY"})
+        EXPECT_EQ(text.find(word), std::string::npos) << file.path() << " says " << word;
     }
 
   // Without the key everybody is told what to do, with it everything is there.

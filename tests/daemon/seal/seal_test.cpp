@@ -129,7 +129,8 @@ TEST_F(SealTest, ChunksAndFilesCannotTakeEachOthersPlace) {
   const std::vector<std::string> chunks{"11111", "22222", "33333"};
   const std::string bytes = seal_chunks(*seal, "a", chunks);
   const std::size_t chunk = 4 + 17 + 5, begin = bytes.size() - 3 * chunk;
-  const std::string head = bytes.substr(0, begin), one = bytes.substr(begin, chunk), two = bytes.substr(begin + chunk, chunk), three = bytes.substr(begin + 2 * chunk);
+  const std::string head = bytes.substr(0, begin), one = bytes.substr(begin, chunk), two = bytes.substr(begin + chunk, chunk),
+                    three = bytes.substr(begin + 2 * chunk);
   for (const std::string& order : {two + one + three, one + one + two + three, one + three, three})
     EXPECT_EQ(read_all(*seal, "a", head + order).end, SealEnd::damaged);
   EXPECT_EQ(read_all(*seal, "b", bytes).end, SealEnd::damaged) << "renamed";
