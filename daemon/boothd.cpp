@@ -32,6 +32,7 @@
 #include "daemon/record/booth_tap.hpp"
 #include "daemon/record/housekeeper.hpp"
 #include "daemon/record/retention.hpp"
+#include "daemon/seal/sealed_file.hpp"
 #include "daemon/session/controller.hpp"
 #include "daemon/session/panel_link.hpp"
 #include "daemon/session/remote_commands.hpp"
@@ -97,6 +98,14 @@ std::int64_t calibrated_utc_ns(const Config& config) {
   if (config.cameras.driver != "kinect2" || config.cameras.kinect2.calibration.empty() || ::stat(config.cameras.kinect2.calibration.c_str(), &file) != 0)
     return 0;
   return static_cast<std::int64_t>(file.st_mtim.tv_sec) * 1'000'000'000 + file.st_mtim.tv_nsec;
+}
+
+/// Whom sessions and recordings are sealed to; null where they are not. Throws: a key that is asked for and not there means no start, not plain files.
+std::shared_ptr<const PublicKey> recipient(const Config& config) {
+  if (config.privacy.seal_to.empty()) return nullptr;
+  auto key = std::make_shared<const PublicKey>(read_public_key(config.privacy.seal_to));
+  (void)Seal::fresh(*key);  // a key that nothing can be sealed to is noticed now
+  return key;
 }
 
 ControllerSettings controller_settings(const Config& config, const DepthSource& source, const FitSetup& fit) {
@@ -218,6 +227,7 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
   }
   stage(kConfiguration, [&] { check_panel(config); });
   const std::optional<Credentials> credentials = open_credentials(config, check_only);
+  const auto seal_to = stage(kConfiguration, [&] { return recipient(config); });
   DepthSource source = stage(kUnavailable, [&] { return open_source(config); });
   if (static_cast<int>(source.cameras.size()) > kMaxCameras)
     throw StartFailure(kConfiguration, fmt::format("{} has {} cameras; boothd works with at most {}", source.name, source.cameras.size(), kMaxCameras));
@@ -237,11 +247,12 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     return kStopped;
   }
   for (const auto& line : recover_recordings(config)) log_line(LogLevel::warning, line);
-  const auto recorder = open_recorder(config, source);
+  const auto recorder = open_recorder(config, source, seal_to ? seal_files(*seal_to) : hal::SealFiles{});
   tap_cameras(source.cameras, *recorder);
   TappedFitter fitter(*fit.fitter, *recorder);
   Housekeeper housekeeper(housekeeping(config, *recorder, *source.clock));
   ControllerSettings settings = controller_settings(config, source, fit);
+  settings.seal_to = seal_to;
   settings.on_event = [&](const std::string& kind, const std::string& from, const std::string& text) {
     recorder->event(kind, from, text);
     if (kind == "fault") housekeeper.fault(text);
@@ -276,8 +287,8 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     if (auto answer = answer_record_request(line, *recorder)) return *std::move(answer);
     return with_recorder(answer_request(line, controller), *recorder);
   });
-  log_line(LogLevel::info,
-           fmt::format("boothd {} is ready: {}; {} cameras; control socket {}", BOOTHD_VERSION, source.name, source.cameras.size(), config.control.socket));
+  log_line(LogLevel::info, fmt::format("boothd {} is ready: {}; {} cameras; control socket {}{}", BOOTHD_VERSION, source.name, source.cameras.size(),
+                                       config.control.socket, seal_to ? "; sessions and recordings are sealed to key " + seal_to->id() : ""));
   notify_ready("idle");
   const ExitStatus status = watch(signals, pipeline, controller, panel, *source.clock);
   notify_stopping();

@@ -42,6 +42,9 @@ void check(const Gpio& keys) {
     if (!fresh) throw std::invalid_argument(fmt::format("gpio.{} and gpio.{} are the same line \"{}\": give each its own", other->second, key, line));
   }
   if (!keys.chip.empty() && taken.empty()) throw std::invalid_argument("gpio.chip is set and no line is: set gpio.start, gpio.light ...");
+  if (keys.long_press_seconds >= keys.stuck_seconds)
+    throw std::invalid_argument(fmt::format("gpio.long_press_seconds = {} is no shorter than gpio.stuck_seconds = {}: a long press would be a stuck button",
+                                            keys.long_press_seconds, keys.stuck_seconds));
   if (!keys.stop.empty() && keys.start.empty())
     throw std::invalid_argument("gpio.stop is set and gpio.start is not: one button alone is gpio.start, it stops, too");
 }
@@ -50,6 +53,7 @@ gpio::PanelSettings panel_settings(const Gpio& keys) {
   gpio::PanelSettings out;
   out.chip = keys.chip;
   out.debounce = hal::from_seconds(keys.debounce_ms / 1000);
+  out.long_press = hal::from_seconds(keys.long_press_seconds);
   out.stuck = hal::from_seconds(keys.stuck_seconds);
   const auto input = [&](gpio::Role role, const std::string& line, bool active_low) {
     if (!line.empty()) out.lines.push_back({role, {.line = line, .output = false, .active_low = active_low, .bias = bias_of(keys.bias)}});

@@ -1,4 +1,4 @@
-// Buttons: start, stop, toggle and emergency stop, as events with the kernel's own time stamps.
+// Buttons: start, stop, toggle, the long press that asks for a calibration, and emergency stop, as events with the kernel's own time stamps.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace booth::hal {
 
-enum class TriggerKind : std::uint8_t { start, stop, toggle, emergency_pressed, emergency_released };
+enum class TriggerKind : std::uint8_t { start, stop, toggle, calibrate, emergency_pressed, emergency_released };
 
 struct TriggerEvent {
   TriggerKind kind{};

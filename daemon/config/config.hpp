@@ -62,7 +62,7 @@ struct Config {
     std::string chip, start, stop, emergency_stop, light, buzzer;
     std::string bias = "pull-up";
     bool active_low = true, emergency_stop_active_low = false, light_active_low = false;
-    double debounce_ms = 20, stuck_seconds = 30;
+    double debounce_ms = 20, long_press_seconds = 0, stuck_seconds = 30;
   } gpio;
   struct {
     bool depth = false, on_fault = true;
@@ -73,6 +73,9 @@ struct Config {
     std::int64_t quota_bytes = 20'000'000'000;
     std::int64_t max_age_days = 7;
   } record;
+  struct {
+    std::string seal_to;
+  } privacy;
   struct {
     bool enabled = true;
     std::int64_t domain = 0;

@@ -256,6 +256,13 @@ const std::vector<ConfigKey>& table() {
        .doc = "A button counts as pressed or released when its line has been quiet for this many milliseconds.",
        .minimum = 0,
        .maximum = 1000},
+      {.name = "gpio.long_press_seconds",
+       .slot = BOOTH_SLOT(gpio.long_press_seconds),
+       .doc =
+           "A start button that is pressed for this many seconds asks for a calibration instead, and a shorter press counts when it is let go. 0: presses of "
+           "any length are the same, and count at once.",
+       .minimum = 0,
+       .maximum = 60},
       {.name = "gpio.stuck_seconds",
        .slot = BOOTH_SLOT(gpio.stuck_seconds),
        .doc = "A start or stop button that has been pressed for this many seconds is shown as stuck.",
@@ -295,6 +302,11 @@ const std::vector<ConfigKey>& table() {
        .doc = "Recordings older than this many days are deleted; 0: no limit.",
        .minimum = 0,
        .maximum = 36500},
+      {.name = "privacy.seal_to",
+       .slot = BOOTH_SLOT(privacy.seal_to),
+       .doc =
+           "File with the public key (`boothctl key new`) to which sessions and recordings are sealed, so that this booth cannot read them again; empty: they "
+           "are not sealed."},
       {.name = "dds.enabled", .slot = BOOTH_SLOT(dds.enabled), .doc = "Publish on DDS at all."},
       {.name = "dds.domain", .slot = BOOTH_SLOT(dds.domain), .doc = "DDS domain.", .minimum = 0, .maximum = 232},
       {.name = "dds.interface",

@@ -7,10 +7,11 @@
 #include <map>
 #include <memory>
 
-#include "daemon/config/load.hpp"
+#include "daemon/ctl/find_session.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/io/model_file.hpp"
 #include "daemon/record/session_export.hpp"
+#include "daemon/seal/sealed_file.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -18,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Options {
-  std::string session, format, out, config, directory, models;
+  std::string session, format, out, config, directory, models, key;
 };
 
 const std::map<std::string, std::pair<ExportFormat, const char*>>& formats() {
@@ -30,19 +31,9 @@ const std::map<std::string, std::pair<ExportFormat, const char*>>& formats() {
   return table;
 }
 
-/// A folder as it is named, else the session of that id among those of the configuration.
-fs::path find_session(const Options& options) {
-  std::error_code ignored;
-  if (fs::is_directory(options.session, ignored)) return fs::path(options.session + "/").parent_path();
-  fs::path directory = options.directory;
-  if (directory.empty()) directory = load_config({.file = options.config, .assignments = {}}).session.directory;
-  if (options.session.find('/') == std::string::npos && fs::is_directory(directory / options.session, ignored)) return directory / options.session;
-  throw VerbFailure(
-      fmt::format("{}: there is no such session, neither as a folder nor in {} (--sessions names another place)", options.session, directory.string()));
-}
-
 void run(const Options& options) {
-  const fs::path folder = find_session(options);
+  const fs::path folder = find_session(options.session, options.directory, options.config);
+  const auto seal = is_sealed(folder) ? open_seal(folder, find_private_key(options.key)) : nullptr;
   const auto& [format, extension] = formats().at(options.format);
   fs::path out = options.out.empty() ? fs::path(folder.filename().string() + extension) : fs::path(options.out);
   std::error_code ignored;
@@ -53,7 +44,7 @@ void run(const Options& options) {
     models.men = std::make_shared<const fit::BodyModel>(load_body_model(directory / "men.npz"));
     models.women = std::make_shared<const fit::BodyModel>(load_body_model(directory / "women.npz"));
   }
-  export_session(folder, format, out, models);
+  export_session(folder, format, out, models, seal.get());
   std::cout << out.string() << "\n";
 }
 
@@ -72,6 +63,7 @@ void add_export_verbs(CLI::App& app) {
   verb->add_option("--out", options->out, "File or folder; without it SESSION.FORMAT here");
   verb->add_option("--sessions", options->directory, "Folder of the sessions; without it the configuration's session.directory");
   verb->add_option("--config", options->config, "Configuration file that says where sessions are");
+  verb->add_option("--key", options->key, "Private key, where the session is sealed; without it $CREDENTIALS_DIRECTORY/boothd-private-key");
   verb->add_option("--models", options->models, "Folder of the model files");
   verb->callback([options] { run(*options); });
 }

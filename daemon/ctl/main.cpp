@@ -23,6 +23,7 @@ int main(int argc, char** argv) {
   add_track_verb(app);
   add_record_verbs(app);
   add_export_verbs(app);
+  add_decrypt_verbs(app);
   add_fit_verb(app);
   add_simulate_verb(app);
   add_model_verbs(app);

@@ -26,6 +26,7 @@ void add_track_verb(CLI::App& app);        ///< track
 void add_bench_verb(CLI::App& app);        ///< bench signature
 void add_evaluate_verb(CLI::App& app);     ///< evaluate
 void add_export_verbs(CLI::App& app);      ///< export
+void add_decrypt_verbs(CLI::App& app);     ///< decrypt, key
 void add_record_verbs(CLI::App& app);      ///< record, snapshot
 void add_command_verb(CLI::App& app);      ///< command
 void add_security_verb(CLI::App& app);     ///< security init, issue, revoke, show

@@ -10,16 +10,23 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "daemon/seal/seal.hpp"
+
 namespace booth::daemon {
 namespace {
 
-constexpr std::size_t kBufferBytes = 1 << 16;
+constexpr std::size_t kBufferBytes = kSealChunk;
 
 std::filesystem::path folder_of(const std::filesystem::path& path) { return path.has_parent_path() ? path.parent_path() : std::filesystem::path("."); }
 
 }  // namespace
 
-AtomicFile::AtomicFile(std::filesystem::path path, mode_t mode) : path_(std::move(path)) {
+AtomicFile::AtomicFile(const FileTarget& target, mode_t mode) : path_(target.path) {
+  if (target.seal) {
+    encoder_ = std::make_unique<SealEncoder>(*target.seal, path_.filename().string());
+    path_ += kSealedEnding;
+    mode = 0600;
+  }
   temporary_ = path_.string() + ".XXXXXX.part";
   buffer_.reserve(kBufferBytes);
   constexpr int kSuffixLength = 5;  // ".part"
@@ -50,20 +57,38 @@ void AtomicFile::write(std::string_view bytes) {
 }
 
 void AtomicFile::flush() {
+  if (encoder_) {
+    if (!buffer_.empty()) seal_buffer(false);
+    return;
+  }
+  write_out(buffer_);
+  buffer_.clear();
+}
+
+void AtomicFile::seal_buffer(bool last) {
+  sealed_.clear();
+  encoder_->append(buffer_, last, sealed_);
+  buffer_.clear();
+  write_out(sealed_);
+}
+
+void AtomicFile::write_out(const std::string& bytes) {
   std::size_t done = 0;
-  while (done < buffer_.size()) {
-    const ssize_t n = ::write(fd_, buffer_.data() + done, buffer_.size() - done);
+  while (done < bytes.size()) {
+    const ssize_t n = ::write(fd_, bytes.data() + done, bytes.size() - done);
     if (n < 0) {
       if (errno == EINTR) continue;
       fail("write");
     }
     done += static_cast<std::size_t>(n);
   }
-  buffer_.clear();
 }
 
 void AtomicFile::commit() {
-  flush();
+  if (encoder_)
+    seal_buffer(true);
+  else
+    flush();
   if (::fsync(fd_) != 0) fail("flush");
   const int fd = fd_;
   fd_ = -1;
@@ -95,8 +120,8 @@ void AtomicFile::fail(const char* doing) const {
   throw std::runtime_error(text);
 }
 
-void write_file_atomically(const std::filesystem::path& path, std::string_view contents, mode_t mode) {
-  AtomicFile file(path, mode);
+void write_file_atomically(const FileTarget& target, std::string_view contents, mode_t mode) {
+  AtomicFile file(target, mode);
   file.write(contents);
   file.commit();
 }

@@ -87,8 +87,8 @@ std::string bvh_text(const fit::Points3& bone_vectors, std::span<const fit::Pose
   return out;
 }
 
-void write_bvh(const std::filesystem::path& path, const fit::Points3& bone_vectors, std::span<const fit::PoseVector> poses, double frame_seconds) {
-  write_file_atomically(path, bvh_text(bone_vectors, poses, frame_seconds));
+void write_bvh(const FileTarget& target, const fit::Points3& bone_vectors, std::span<const fit::PoseVector> poses, double frame_seconds) {
+  write_file_atomically(target, bvh_text(bone_vectors, poses, frame_seconds));
 }
 
 }  // namespace booth::daemon

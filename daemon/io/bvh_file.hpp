@@ -5,6 +5,7 @@
 #include <span>
 #include <string>
 
+#include "daemon/io/atomic_file.hpp"
 #include "fit/body/skeleton.hpp"
 
 namespace booth::daemon {
@@ -16,6 +17,6 @@ namespace booth::daemon {
 std::string bvh_text(const fit::Points3& bone_vectors, std::span<const fit::PoseVector> poses, double frame_seconds);
 
 /// bvh_text() through AtomicFile (whose errors it throws).
-void write_bvh(const std::filesystem::path& path, const fit::Points3& bone_vectors, std::span<const fit::PoseVector> poses, double frame_seconds);
+void write_bvh(const FileTarget& target, const fit::Points3& bone_vectors, std::span<const fit::PoseVector> poses, double frame_seconds);
 
 }  // namespace booth::daemon

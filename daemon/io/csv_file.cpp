@@ -28,8 +28,8 @@ void append_skeleton_csv(std::string& out, const SkeletonRow& row) {
   out += '\n';
 }
 
-void write_skeleton_csv(const std::filesystem::path& path, std::span<const SkeletonRow> rows) {
-  AtomicFile file(path);
+void write_skeleton_csv(const FileTarget& target, std::span<const SkeletonRow> rows) {
+  AtomicFile file(target);
   file.write(skeleton_csv_header());
   std::string line;
   for (const SkeletonRow& row : rows) {

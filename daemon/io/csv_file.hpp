@@ -6,6 +6,7 @@
 #include <string>
 #include <string_view>
 
+#include "daemon/io/atomic_file.hpp"
 #include "fit/body/skeleton.hpp"
 
 namespace booth::daemon {
@@ -29,6 +30,6 @@ std::string skeleton_csv_header();
 void append_skeleton_csv(std::string& out, const SkeletonRow& row);
 
 /// Header and rows, through AtomicFile (whose errors it throws).
-void write_skeleton_csv(const std::filesystem::path& path, std::span<const SkeletonRow> rows);
+void write_skeleton_csv(const FileTarget& target, std::span<const SkeletonRow> rows);
 
 }  // namespace booth::daemon

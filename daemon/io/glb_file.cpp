@@ -160,7 +160,7 @@ void append_word(std::string& out, std::size_t value) {
 
 }  // namespace
 
-void write_glb(const std::filesystem::path& path, const GlbBody& body) {
+void write_glb(const FileTarget& target, const GlbBody& body) {
   if (body.rest_vertices.cols() != body.model.vertex_count()) throw std::invalid_argument("write_glb: the body's vertices are not the model's in number");
   if (!body.rest_vertices.allFinite() || !body.rest_joints.allFinite() || !body.pose.allFinite())
     throw std::invalid_argument("write_glb: a value is not finite");
@@ -207,7 +207,7 @@ void write_glb(const std::filesystem::path& path, const GlbBody& body) {
   append_word(out, binary.size());
   out.append("BIN\0", 4);
   out += binary;
-  write_file_atomically(path, out);
+  write_file_atomically(target, out);
 }
 
 }  // namespace booth::daemon

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <span>
 
+#include "daemon/io/atomic_file.hpp"
 #include "fit/body/body_model.hpp"
 
 namespace booth::daemon {
@@ -20,6 +21,6 @@ struct GlbBody {
 /// glTF 2.0: one skinned mesh (4 weights a vertex) on 24 nodes that bear the bones' names and stand where the bones start; points without a bone
 /// behind them (hands', toes' and head's end) are nodes named after the joint. Metres; y up, z forward: the CMU frame is glTF's frame.
 /// Throws std::invalid_argument when sizes do not agree, and what AtomicFile throws.
-void write_glb(const std::filesystem::path& path, const GlbBody& body);
+void write_glb(const FileTarget& target, const GlbBody& body);
 
 }  // namespace booth::daemon

@@ -150,7 +150,7 @@ CloudFile read_cloud_file(const std::filesystem::path& path, const CloudReadOpti
   }
 }
 
-void write_ply(const std::filesystem::path& path, const PlyMesh& mesh, UpAxis up, const std::string& comment) {
+void write_ply(const FileTarget& target, const PlyMesh& mesh, UpAxis up, const std::string& comment) {
   const auto n = mesh.points.cols();
   if (mesh.normals != nullptr && mesh.normals->cols() != n) throw std::invalid_argument("write_ply: normals and points differ in number");
   if (mesh.colours != nullptr && mesh.colours->cols() != n) throw std::invalid_argument("write_ply: colours and points differ in number");
@@ -168,7 +168,7 @@ void write_ply(const std::filesystem::path& path, const PlyMesh& mesh, UpAxis up
   const Eigen::Matrix3Xf points = file_from_cmu(mesh.points, up);
   Eigen::Matrix3Xf normals;
   if (mesh.normals != nullptr) normals = file_from_cmu(*mesh.normals, up);
-  AtomicFile file(path);
+  AtomicFile file(target);
   file.write(header);
   std::string row;
   for (Eigen::Index i = 0; i < n; ++i) {

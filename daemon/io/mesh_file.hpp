@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "daemon/io/atomic_file.hpp"
 #include "daemon/io/axes.hpp"
 
 namespace booth::daemon {
@@ -48,6 +49,6 @@ struct PlyMesh {
 
 /// Binary little-endian PLY; points and normals are turned to the axes asked for. `comment` (one line) goes into the header.
 /// Throws std::runtime_error as AtomicFile does, std::invalid_argument when sizes do not agree.
-void write_ply(const std::filesystem::path& path, const PlyMesh& mesh, UpAxis up = UpAxis::z, const std::string& comment = {});
+void write_ply(const FileTarget& target, const PlyMesh& mesh, UpAxis up = UpAxis::z, const std::string& comment = {});
 
 }  // namespace booth::daemon

@@ -22,21 +22,40 @@ struct Lane {
   }
 };
 
-void read_one(Lane& lane, int index, hal::Nanoseconds to_live) {
+/// False when the camera may not go further before another one has.
+bool read_one(Lane& lane, int index, hal::Nanoseconds to_live) {
   hal::DepthFrame frame;
-  switch (lane.camera->read(frame, std::chrono::milliseconds(100))) {
+  switch (lane.camera->read(frame, std::chrono::milliseconds(1))) {
     case hal::ReadStatus::frame:
       frame.camera = static_cast<hal::CameraIndex>(index);
       frame.captured += to_live;
       lane.frames.push_back(std::move(frame));
-      return;
+      return true;
     case hal::ReadStatus::timeout:
-      return;
+      return false;
     case hal::ReadStatus::ended:
       lane.ended = true;
-      return;
+      return true;
     case hal::ReadStatus::lost:
       throw std::runtime_error(lane.camera->last_error());
+  }
+  return false;
+}
+
+/// Reads until every camera has a frame of that instant or a later one. All cameras, also those that are not in the group: none may fall behind the others.
+void read_up_to(std::vector<Lane>& lanes, hal::MonotonicTime latest, hal::Nanoseconds to_live) {
+  for (bool behind = true; behind;) {
+    behind = false;
+    bool moved = false;
+    for (std::size_t i = 0; i < lanes.size(); ++i)
+      if (!lanes[i].reaches(latest)) {
+        moved |= read_one(lanes[i], static_cast<int>(i), to_live);
+        behind = true;
+      }
+    if (!behind || moved) continue;
+    // Frames are missing, and the next one that there is lies further ahead than a camera may be of the others: they go first.
+    for (std::size_t i = 0; i < lanes.size(); ++i)
+      if (!lanes[i].ended) read_one(lanes[i], static_cast<int>(i), to_live);
   }
 }
 
@@ -58,15 +77,7 @@ ReplayCounters run_replay(hal::DepthCameras& cameras, const std::vector<hal::Fit
         latest = std::max(latest, group.captured[i]);
         earliest = std::min(earliest, group.captured[i]);
       }
-    // All cameras, also those that are not in the group: none may fall behind the others.
-    for (bool behind = true; behind;) {
-      behind = false;
-      for (std::size_t i = 0; i < lanes.size(); ++i)
-        if (!lanes[i].reaches(latest)) {
-          read_one(lanes[i], static_cast<int>(i), to_live);
-          behind = true;
-        }
-    }
+    read_up_to(lanes, latest, to_live);
     if (group.sequence == 0) {
       known = true;
       fitter.reset();

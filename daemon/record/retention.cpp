@@ -11,6 +11,9 @@
 #include <cerrno>
 #include <cstring>
 #include <ctime>
+#include <tuple>
+
+#include "daemon/seal/seal.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -68,7 +71,11 @@ std::string erase_folder(const fs::path& folder) {
     if (it->is_symlink(ignored) || !it->is_regular_file(ignored)) continue;
     files.emplace_back(it->file_size(ignored), it->path());
   }
-  std::sort(files.begin(), files.end());
+  // The key of a sealed folder first: without it the rest is noise, should anything of it be left.
+  std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) {
+    const auto rank = [](const auto& f) { return std::tuple(f.second.filename() != kSealKeyName, f.first, f.second); };
+    return rank(a) < rank(b);
+  });
   for (const auto& [size, path] : files) {
     // What cannot be overwritten (a full disk that writes elsewhere) is deleted all the same: gone by name is better than not gone.
     (void)overwrite(path, size);

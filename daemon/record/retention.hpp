@@ -19,9 +19,9 @@ struct RetentionRule {
 /// Folders of `directory` named YYYYMMDDTHHMMSSZ-... Returns one sentence for each that was deleted, or should have been.
 std::vector<std::string> prune_folders(const std::filesystem::path& directory, const RetentionRule& rule, std::int64_t now_utc_ns);
 
-/// Deletes a folder so that what was in it is harder to find again than after a plain deletion: each file is overwritten once, flushed and unlinked; small
-/// files first, so that the key of a sealed session goes before anything else. On flash and on file systems that write elsewhere the old blocks may live
-/// on until they are reused (docs/guide/privacy.md). Returns what is wrong, empty when it is gone.
+/// Deletes a folder so that what was in it is harder to find again than after a plain deletion: each file is overwritten once, flushed and unlinked; the
+/// key of a sealed folder goes before anything else, and everything that was sealed with it becomes noise. On flash and on file systems that write elsewhere
+/// the old blocks may live on until they are reused (docs/guide/privacy.md). Returns what is wrong, empty when it is gone.
 std::string erase_folder(const std::filesystem::path& folder);
 
 /// The same for sessions and recordings, by the rules of the configuration.

@@ -66,13 +66,13 @@ fit::PoseVector pose_of(const FrameRecord& f) { return Eigen::Map<const fit::Pos
 
 }  // namespace
 
-void export_csv(const std::filesystem::path& file, const std::vector<FrameRecord>& frames) { write_skeleton_csv(file, csv_rows(frames)); }
+void export_csv(const FileTarget& file, const std::vector<FrameRecord>& frames) { write_skeleton_csv(file, csv_rows(frames)); }
 
-void export_bvh(const std::filesystem::path& file, const std::vector<FrameRecord>& frames, const FrameRecord& last, const fit::BodyModel& model) {
+void export_bvh(const FileTarget& file, const std::vector<FrameRecord>& frames, const FrameRecord& last, const fit::BodyModel& model) {
   write_bvh(file, model.bone_vectors(beta_of(last)), even_poses(frames), 1 / kExportRate);
 }
 
-void export_glb(const std::filesystem::path& file, const std::vector<FrameRecord>& frames, const FrameRecord& last, const fit::BodyModel& model) {
+void export_glb(const FileTarget& file, const std::vector<FrameRecord>& frames, const FrameRecord& last, const fit::BodyModel& model) {
   fit::Vertices rest;
   model.shaped(beta_of(last), rest);
   const std::vector<fit::PoseVector> motion = even_poses(frames);
@@ -84,8 +84,7 @@ void export_glb(const std::filesystem::path& file, const std::vector<FrameRecord
                    .frame_seconds = 1 / kExportRate});
 }
 
-void export_ply(const std::filesystem::path& file, const FrameRecord& last, const fit::BodyModel& model, const std::string& session,
-                std::span<const double> detail) {
+void export_ply(const FileTarget& file, const FrameRecord& last, const fit::BodyModel& model, const std::string& session, std::span<const double> detail) {
   const fit::ShapeVector beta = beta_of(last);
   fit::Vertices posed, normals;
   model.shaped(beta, posed);
@@ -96,7 +95,7 @@ void export_ply(const std::filesystem::path& file, const FrameRecord& last, cons
   write_ply(file, {.points = posed, .normals = &normals, .faces = &model.data().faces}, UpAxis::z, "booth frame, metres; session " + session);
 }
 
-void export_measurements(const std::filesystem::path& file, const FrameRecord& last, const fit::BodyModel& model) {
+void export_measurements(const FileTarget& file, const FrameRecord& last, const fit::BodyModel& model) {
   Json j;
   j["sex"] = last.sex == RecordSex::men ? "men" : "women";
   j["model_version"] = model.data().version;
@@ -116,8 +115,9 @@ const FrameRecord* last_seen(const std::vector<FrameRecord>& frames) {
   return it == frames.rend() ? nullptr : &*it;
 }
 
-void export_session(const std::filesystem::path& folder, ExportFormat format, const std::filesystem::path& file, const SessionModels& models) {
-  const SessionContents session = read_session(folder);
+void export_session(const std::filesystem::path& folder, ExportFormat format, const std::filesystem::path& file, const SessionModels& models,
+                    const Seal* seal) {
+  const SessionContents session = read_session(folder, seal);
   if (session.frames.empty()) throw std::runtime_error(fmt::format("{}: holds no frame; there is nothing to export", folder.string()));
   if (format == ExportFormat::csv) return export_csv(file, session.frames);
   const FrameRecord* last = last_seen(session.frames);

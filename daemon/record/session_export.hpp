@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "daemon/io/atomic_file.hpp"
 #include "daemon/pipeline/frame_record.hpp"
 #include "daemon/record/session_files.hpp"
 
@@ -17,20 +18,20 @@ enum class ExportFormat : std::uint8_t { bvh, glb, fbx, csv, ply };
 inline constexpr double kExportRate = 30;
 
 /// All functions write files that are whole or not there and throw std::runtime_error naming the path and the reason.
-void export_csv(const std::filesystem::path& file, const std::vector<FrameRecord>& frames);
+void export_csv(const FileTarget& file, const std::vector<FrameRecord>& frames);
 /// `last` is the last frame that showed the person; its body is the session's.
-void export_bvh(const std::filesystem::path& file, const std::vector<FrameRecord>& frames, const FrameRecord& last, const fit::BodyModel& model);
-void export_glb(const std::filesystem::path& file, const std::vector<FrameRecord>& frames, const FrameRecord& last, const fit::BodyModel& model);
+void export_bvh(const FileTarget& file, const std::vector<FrameRecord>& frames, const FrameRecord& last, const fit::BodyModel& model);
+void export_glb(const FileTarget& file, const std::vector<FrameRecord>& frames, const FrameRecord& last, const fit::BodyModel& model);
 /// `detail`: offsets of the detail layer, one per vertex of the model, metres; of another length: none.
-void export_ply(const std::filesystem::path& file, const FrameRecord& last, const fit::BodyModel& model, const std::string& session,
-                std::span<const double> detail = {});
+void export_ply(const FileTarget& file, const FrameRecord& last, const fit::BodyModel& model, const std::string& session, std::span<const double> detail = {});
 /// measurements.json: name to value, sd (null: not known) and unit; sex, beta, bone lengths, the model's version.
-void export_measurements(const std::filesystem::path& file, const FrameRecord& last, const fit::BodyModel& model);
+void export_measurements(const FileTarget& file, const FrameRecord& last, const fit::BodyModel& model);
 
 /// nullptr when nobody was ever seen.
 const FrameRecord* last_seen(const std::vector<FrameRecord>& frames);
 
-/// Writes the folder's session in that format. Throws also when nobody was seen in it and the format needs a body.
-void export_session(const std::filesystem::path& folder, ExportFormat format, const std::filesystem::path& file, const SessionModels& models);
+/// Writes the folder's session in that format; a sealed one needs its seal. Throws also when nobody was seen in it and the format needs a body.
+void export_session(const std::filesystem::path& folder, ExportFormat format, const std::filesystem::path& file, const SessionModels& models,
+                    const Seal* seal = nullptr);
 
 }  // namespace booth::daemon

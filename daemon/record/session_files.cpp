@@ -22,6 +22,7 @@
 #include "daemon/record/session_export.hpp"
 #include "daemon/record/session_log.hpp"
 #include "daemon/record/truth_error.hpp"
+#include "daemon/seal/sealed_file.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -126,6 +127,50 @@ void remove_half_files(const fs::path& folder) {
   for (const auto& half : halves) fs::remove(half, error);
 }
 
+std::string json_file(const Json& j) { return j.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"; }
+
+void remove_log(const fs::path& folder) {
+  std::error_code ignored;
+  fs::remove(folder / kFrameLogName, ignored);
+  fs::remove(folder / (std::string(kSealedFrameLogName) + kSealedEnding), ignored);
+}
+
+/// What session.json said at the beginning, now that nothing else can be known.
+SessionInfo interrupted_info(const fs::path& folder, const Json& old) {
+  SessionInfo info;
+  info.id = folder.filename().string();
+  info.booth = text_of(old, "booth");
+  info.software = text_of(old, "software");
+  info.source = text_of(old, "source");
+  info.preset = text_of(old, "preset");
+  if (old.contains("began_utc_ns") && old["began_utc_ns"].is_number_integer()) info.began_utc_ns = old["began_utc_ns"].get<std::int64_t>();
+  for (const char* key : {"cameras", "models"}) {
+    if (!old.contains(key) || !old[key].is_array()) continue;
+    for (const Json& item : old[key]) {
+      if (item.is_string()) (std::strcmp(key, "cameras") == 0 ? info.cameras : info.models).push_back(item.get<std::string>());
+    }
+  }
+  info.events = events_of(old);
+  info.result = "interrupted";
+  info.reason = "boothd ended before the session did";
+  return info;
+}
+
+/// What can be said of a sealed session whose boothd is gone, and its key with it: how many records lie whole in its log.
+std::string close_sealed(const fs::path& folder, const SessionInfo& info, const std::string& recipient) {
+  const std::uint64_t bytes = sealed_plain_bytes(folder / (std::string(kSealedFrameLogName) + kSealedEnding));
+  Json j = info_json(info);
+  j["frames"] = session_log_records(bytes);
+  j["sealed_to"] = recipient;
+  try {
+    write_file_atomically(folder / "session.json", json_file(j), 0600);
+  } catch (const std::exception& e) {
+    return fmt::format("session {} was interrupted and cannot be closed: {}", info.id, e.what());
+  }
+  return fmt::format("session {} was interrupted; it is sealed, and about {} frames of it wait for `boothctl decrypt`", info.id,
+                     j["frames"].get<std::uint64_t>());
+}
+
 }  // namespace
 
 std::string make_session_id(std::int64_t utc_ns) {
@@ -133,12 +178,17 @@ std::string make_session_id(std::int64_t utc_ns) {
   return fmt::format("{:%Y%m%dT%H%M%SZ}-{:04x}", utc_calendar(utc_ns), device() & 0xffffu);
 }
 
-fs::path create_session_folder(const fs::path& directory, const SessionInfo& info) {
+fs::path create_session_folder(const fs::path& directory, const SessionInfo& info, const Seal* seal) {
   std::error_code error;
   fs::create_directories(directory, error);
   const fs::path folder = directory / info.id, temporary = directory / ("." + info.id + ".part");
   make_private_folder(temporary);
-  write_file_atomically(temporary / "session.json", info_json(info).dump(2, ' ', false, Json::error_handler_t::replace) + "\n", 0600);
+  Json j = info_json(info);
+  if (seal) {
+    write_file_atomically(temporary / kSealKeyName, seal->key_file(), 0600);
+    j["sealed_to"] = seal->recipient();
+  }
+  write_file_atomically(temporary / "session.json", json_file(j), 0600);
   fs::rename(temporary, folder, error);
   if (error) {
     errno = error.value();
@@ -148,7 +198,7 @@ fs::path create_session_folder(const fs::path& directory, const SessionInfo& inf
 }
 
 SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, const std::vector<FrameRecord>& frames, const SessionModels& models,
-                              const hal::GroundTruth* truth) {
+                              const hal::GroundTruth* truth, const Seal* seal) {
   SessionSummary out;
   out.frames = frames.size();
   std::vector<double> residuals;
@@ -174,12 +224,12 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
   for (double r : residuals) out.residual_mean += r / static_cast<double>(residuals.size());
   out.residual_p95 = percentile(residuals, 0.95);
 
-  if (!frames.empty()) export_csv(folder / "skeleton.csv", frames);
+  if (!frames.empty()) export_csv({folder / "skeleton.csv", seal}, frames);
   if (const fit::BodyModel* model = last_good ? models.of(last_good->sex) : nullptr) {
-    export_bvh(folder / "skeleton.bvh", frames, *last_good, *model);
-    export_glb(folder / "body.glb", frames, *last_good, *model);
-    export_ply(folder / "body.ply", *last_good, *model, info.id, info.detail);
-    export_measurements(folder / "measurements.json", *last_good, *model);
+    export_bvh({folder / "skeleton.bvh", seal}, frames, *last_good, *model);
+    export_glb({folder / "body.glb", seal}, frames, *last_good, *model);
+    export_ply({folder / "body.ply", seal}, *last_good, *model, info.id, info.detail);
+    export_measurements({folder / "measurements.json", seal}, *last_good, *model);
   }
 
   Json j = info_json(info);
@@ -201,6 +251,7 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
       j["stage_ms"][kStageNames[s]] = {{"p50", ms(info.stages[s].p50_ms)}, {"p99", ms(info.stages[s].p99_ms)}, {"max", ms(info.stages[s].max_ms)}};
     }
   }
+  Json outline = j;  // up to here nothing tells of the person
   j["residual"] = {{"mean", metres(out.residual_mean)}, {"p95", metres(out.residual_p95)}};
   if (last_good) {
     j["sex"] = last_good->sex == RecordSex::men ? "men" : "women";
@@ -235,10 +286,13 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
       }
     }
   }
-  out.json = j.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
-  write_file_atomically(folder / "session.json", out.json, 0600);
-  std::error_code ignored;
-  fs::remove(folder / kFrameLogName, ignored);
+  out.json = json_file(j);
+  if (seal) {
+    write_file_atomically({folder / "session.json", seal}, out.json);
+    outline["sealed_to"] = seal->recipient();
+  }
+  write_file_atomically(folder / "session.json", seal ? json_file(outline) : out.json, 0600);
+  remove_log(folder);
   return out;
 }
 
@@ -254,26 +308,15 @@ std::vector<std::string> close_interrupted_sessions(const fs::path& directory, c
     remove_half_files(folder);
     const Json old = read_json(folder / "session.json");
     if (text_of(old, "result") != "running") {
-      // Complete, but the power went away before the log did.
-      if (old.contains("result")) fs::remove(folder / kFrameLogName, error);
+      // Complete, but the power went away before the log did. Of a sealed one that was interrupted the log is all there is.
+      if (old.contains("result") && !(is_sealed(folder) && text_of(old, "result") == "interrupted")) remove_log(folder);
       continue;
     }
-    SessionInfo info;
-    info.id = folder.filename().string();
-    info.booth = text_of(old, "booth");
-    info.software = text_of(old, "software");
-    info.source = text_of(old, "source");
-    info.preset = text_of(old, "preset");
-    if (old.contains("began_utc_ns") && old["began_utc_ns"].is_number_integer()) info.began_utc_ns = old["began_utc_ns"].get<std::int64_t>();
-    for (const char* key : {"cameras", "models"}) {
-      if (!old.contains(key) || !old[key].is_array()) continue;
-      for (const Json& item : old[key]) {
-        if (item.is_string()) (std::strcmp(key, "cameras") == 0 ? info.cameras : info.models).push_back(item.get<std::string>());
-      }
+    SessionInfo info = interrupted_info(folder, old);
+    if (is_sealed(folder)) {
+      said.push_back(close_sealed(folder, info, text_of(old, "sealed_to")));
+      continue;
     }
-    info.events = events_of(old);
-    info.result = "interrupted";
-    info.reason = "boothd ended before the session did";
     std::vector<FrameRecord> frames;
     std::string log_problem;
     try {
@@ -290,6 +333,13 @@ std::vector<std::string> close_interrupted_sessions(const fs::path& directory, c
     }
   }
   return said;
+}
+
+SessionSummary finish_sealed_log(const fs::path& folder, const Seal& seal, const SessionModels& models, const fs::path& out, std::string& complaint) {
+  SessionInfo info = interrupted_info(folder, read_json(folder / "session.json"));
+  const std::vector<FrameRecord> frames = read_session_log(folder, &seal, &complaint);
+  if (!frames.empty()) info.ended_utc_ns = frames.back().captured_utc_ns;
+  return finish_session(out, info, frames, models, nullptr);
 }
 
 std::vector<std::string> prune_sessions(const fs::path& directory, std::int64_t quota_bytes, std::int64_t max_age_days, std::int64_t now_utc_ns) {

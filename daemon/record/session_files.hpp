@@ -8,6 +8,7 @@
 
 #include "daemon/pipeline/frame_record.hpp"
 #include "daemon/record/session_info.hpp"
+#include "daemon/seal/seal.hpp"
 #include "fit/body/body_model.hpp"
 #include "hal/ground_truth.hpp"
 
@@ -23,8 +24,9 @@ struct SessionModels {
 std::string make_session_id(std::int64_t utc_ns);
 
 /// Makes DIRECTORY/ID (mode 0700) with a session.json that says `running`; the folder appears whole or not at all. Creates DIRECTORY where it is missing.
-/// Throws std::runtime_error naming the path, the reason and the remedy.
-std::filesystem::path create_session_folder(const std::filesystem::path& directory, const SessionInfo& info);
+/// With a seal the folder holds its seal.key, and everything that tells of the person is written sealed from then on. Throws std::runtime_error naming the
+/// path, the reason and the remedy.
+std::filesystem::path create_session_folder(const std::filesystem::path& directory, const SessionInfo& info, const Seal* seal = nullptr);
 
 /// What session.json says of the result; also what `stop --wait` and `track` print.
 struct SessionSummary {
@@ -37,12 +39,19 @@ struct SessionSummary {
 };
 
 /// Writes skeleton.csv, skeleton.bvh, body.ply and at last session.json, each whole or not at all, then removes the raw log. Each file is left out where
-/// there is nothing to put in it. `truth` may be null. Throws std::runtime_error naming the path and the reason.
+/// there is nothing to put in it. `truth` may be null. With a seal all of them are NAME.sealed, and beside session.json.sealed stands a session.json
+/// that says what became of the session and nothing of the person. Throws std::runtime_error naming the path and the reason.
 SessionSummary finish_session(const std::filesystem::path& folder, const SessionInfo& info, const std::vector<FrameRecord>& frames, const SessionModels& models,
-                              const hal::GroundTruth* truth);
+                              const hal::GroundTruth* truth, const Seal* seal = nullptr);
 
-/// Finishes what a power cut or a crash left behind, marked `interrupted`. Returns one sentence for each such session; never throws for a broken one.
+/// Finishes what a power cut or a crash left behind, marked `interrupted`. The frames of a sealed session stay in their sealed log: only `boothctl decrypt`
+/// can make files of them. Returns one sentence for each such session; never throws for a broken one.
 std::vector<std::string> close_interrupted_sessions(const std::filesystem::path& directory, const SessionModels& models);
+
+/// The files of an interrupted sealed session, made in the clear in the existing folder `out` from the sealed log. `complaint` says how the log ended, where
+/// not with its end. Throws std::runtime_error.
+SessionSummary finish_sealed_log(const std::filesystem::path& folder, const Seal& seal, const SessionModels& models, const std::filesystem::path& out,
+                                 std::string& complaint);
 
 /// Deletes finished sessions, oldest first, that are older than `max_age_days` (0: any age) or with which all sessions take more than `quota_bytes` (0: any
 /// size). Returns one sentence for each.

@@ -10,7 +10,10 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <functional>
 #include <stdexcept>
+
+#include "daemon/seal/sealed_file.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -33,18 +36,43 @@ bool write_all(int fd, const void* data, std::size_t size) {
   return true;
 }
 
+using Read = std::function<bool(void* to, std::size_t count)>;  ///< false: there is less
+
+std::vector<FrameRecord> read_records(const std::filesystem::path& path, const Read& read) {
+  Header header;
+  const Header expected;
+  if (!read(&header, sizeof header) || std::memcmp(&header, &expected, sizeof header) != 0)
+    throw std::runtime_error(fmt::format("{}: not a log of this version of boothd", path.string()));
+  std::vector<FrameRecord> out;
+  for (FrameRecord record; read(&record, sizeof record);) {
+    // A block that was never written reads as zeros after a power cut; frames count from zero without gaps.
+    if (!out.empty() && record.sequence <= out.back().sequence) break;
+    if (record.shape_count > kRecordShape || record.captured_ns == 0) break;
+    out.push_back(record);
+  }
+  return out;
+}
+
 }  // namespace
 
 SessionLog::SessionLog() : ring_(std::make_unique<Ring>()) {}
 
 SessionLog::~SessionLog() { close(); }
 
-void SessionLog::open(const std::filesystem::path& folder) {
+bool SessionLog::put(const void* data, std::size_t size, bool last) {
+  if (!encoder_) return write_all(fd_, data, size);
+  sealed_.clear();
+  encoder_->append({static_cast<const char*>(data), size}, last, sealed_);
+  return write_all(fd_, sealed_.data(), sealed_.size());
+}
+
+void SessionLog::open(const std::filesystem::path& folder, const Seal* seal) {
   close();
-  const auto path = folder / kFrameLogName;
+  const auto path = folder / (seal ? std::string(kSealedFrameLogName) + kSealedEnding : std::string(kFrameLogName));
+  encoder_ = seal ? std::make_unique<SealEncoder>(*seal, kSealedFrameLogName) : nullptr;
   fd_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   const Header header;
-  if (fd_ < 0 || !write_all(fd_, &header, sizeof header)) {
+  if (fd_ < 0 || !put(&header, sizeof header)) {
     const std::string reason = std::strerror(errno);
     if (fd_ >= 0) ::close(fd_);
     fd_ = -1;
@@ -66,7 +94,7 @@ bool SessionLog::drain() {
   while (ring_->pop(record)) {
     if (!problem_.empty()) {
       lost_.fetch_add(1, std::memory_order_relaxed);
-    } else if (!write_all(fd_, &record, sizeof record)) {
+    } else if (!put(&record, sizeof record)) {
       problem_ = fmt::format("the session's frames cannot be written: {}", std::strerror(errno));
       lost_.fetch_add(1, std::memory_order_relaxed);
     }
@@ -89,28 +117,43 @@ void SessionLog::close() {
   open_ = false;
   stop_ = true;
   thread_.join();
-  if (::fsync(fd_) != 0 && problem_.empty()) problem_ = fmt::format("the session's frames cannot be written: {}", std::strerror(errno));
+  const bool ended = !problem_.empty() || !encoder_ || put(nullptr, 0, true);
+  if ((!ended || ::fsync(fd_) != 0) && problem_.empty()) problem_ = fmt::format("the session's frames cannot be written: {}", std::strerror(errno));
   ::close(fd_);
   fd_ = -1;
+  encoder_.reset();
 }
 
-std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder) {
+std::uint64_t session_log_records(std::uint64_t bytes) { return bytes < sizeof(Header) ? 0 : (bytes - sizeof(Header)) / sizeof(FrameRecord); }
+
+std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder, const Seal* seal, std::string* complaint) {
+  if (seal) {
+    SealedReader in(folder, kSealedFrameLogName, *seal);
+    std::string plain, chunk;
+    if (in.next(chunk)) {
+      plain = chunk;
+    } else if (in.end() == SealEnd::cut) {  // interrupted before anything was in it
+      if (complaint) *complaint = in.complaint();
+      return {};
+    } else {
+      throw std::runtime_error(in.complaint());
+    }
+    const auto read = [&](void* to, std::size_t count) {
+      while (plain.size() < count && in.next(chunk)) plain += chunk;
+      if (plain.size() < count) return false;
+      std::memcpy(to, plain.data(), count);
+      plain.erase(0, count);
+      return true;
+    };
+    auto out = read_records(folder / (std::string(kSealedFrameLogName) + kSealedEnding), read);
+    if (complaint) *complaint = in.complaint();
+    return out;
+  }
   const auto path = folder / kFrameLogName;
   std::ifstream in(path, std::ios::binary);
   if (!in) throw std::runtime_error(fmt::format("{}: there is no log of frames that could be read", path.string()));
-  Header header;
-  const Header expected;
-  in.read(reinterpret_cast<char*>(&header), sizeof header);
-  if (!in || std::memcmp(&header, &expected, sizeof header) != 0)
-    throw std::runtime_error(fmt::format("{}: not a log of this version of boothd", path.string()));
-  std::vector<FrameRecord> out;
-  for (FrameRecord record; in.read(reinterpret_cast<char*>(&record), sizeof record);) {
-    // A block that was never written reads as zeros after a power cut; frames count from zero without gaps.
-    if (!out.empty() && record.sequence <= out.back().sequence) break;
-    if (record.shape_count > kRecordShape || record.captured_ns == 0) break;
-    out.push_back(record);
-  }
-  return out;
+  return read_records(path,
+                      [&](void* to, std::size_t count) { return static_cast<bool>(in.read(static_cast<char*>(to), static_cast<std::streamsize>(count))); });
 }
 
 }  // namespace booth::daemon

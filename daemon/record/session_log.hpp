@@ -16,6 +16,11 @@ namespace booth::daemon {
 
 /// Name of the raw log inside a session folder that has not been finished.
 inline constexpr const char* kFrameLogName = ".frames.part";
+/// The same of a sealed session, without ".sealed". It stays where boothd could not finish the session, because only the key's holder can.
+inline constexpr const char* kSealedFrameLogName = "frames.log";
+
+class Seal;
+class SealEncoder;
 
 /// Frames go through a fixed ring to a writer thread; memory is taken at construction.
 class SessionLog {
@@ -24,8 +29,9 @@ class SessionLog {
   ~SessionLog();
   SessionLog(const SessionLog&) = delete;
 
-  /// Begins the raw log in an existing folder. Throws std::runtime_error naming the path and the system's reason.
-  void open(const std::filesystem::path& folder);
+  /// Begins the raw log in an existing folder; sealed where a seal is given, record by record. Throws std::runtime_error naming the path and the system's
+  /// reason.
+  void open(const std::filesystem::path& folder, const Seal* seal = nullptr);
   /// Called by one thread. Returns at once; a frame that finds the ring full is counted as lost.
   void append(const FrameRecord& record) noexcept;
   /// Writes what is left, flushes to stable storage. No append() may run at the same time. Harmless when not open.
@@ -41,8 +47,11 @@ class SessionLog {
   using Ring = IndexRing<FrameRecord, 128>;  // four seconds at 30 frames/s: longer than a disk usually pauses
   void run();
   bool drain();
+  bool put(const void* data, std::size_t size, bool last = false);
 
   std::unique_ptr<Ring> ring_;
+  std::unique_ptr<SealEncoder> encoder_;
+  std::string sealed_;
   int fd_ = -1;
   std::atomic<bool> open_{false}, stop_{false};
   std::atomic<std::uint64_t> lost_{0};
@@ -50,8 +59,11 @@ class SessionLog {
   std::thread thread_;
 };
 
+/// How many records a log of so many plain bytes holds.
+std::uint64_t session_log_records(std::uint64_t bytes);
+
 /// Reads the raw log of `folder`; a record torn by a power cut is left out. Throws std::runtime_error when there is none or when it is not one of
-/// this version's.
-std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder);
+/// this version's. With a seal the sealed log is read; what is wrong with its end, which an interruption explains, is put into `complaint`.
+std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder, const Seal* seal = nullptr, std::string* complaint = nullptr);
 
 }  // namespace booth::daemon

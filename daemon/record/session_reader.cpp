@@ -11,6 +11,7 @@
 #include "daemon/io/csv_file.hpp"
 #include "daemon/io/file_bytes.hpp"
 #include "daemon/record/session_log.hpp"
+#include "daemon/seal/sealed_file.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -107,23 +108,35 @@ std::vector<FrameRecord> parse_skeleton_csv(std::string_view text, const std::st
   return out;
 }
 
-SessionContents read_session(const fs::path& folder) {
-  const fs::path file = folder / "session.json";
+SessionContents read_session(const fs::path& folder, const Seal* seal) {
   std::error_code ignored;
   if (!fs::is_directory(folder, ignored)) throw std::runtime_error(fmt::format("{}: there is no such session", folder.string()));
-  const Json j = Json::parse(read_file_bytes(file, kMostJson), nullptr, false);
+  if (!is_sealed(folder))
+    seal = nullptr;
+  else if (!seal)
+    throw std::runtime_error(sealed_sentence(folder));
+  const auto name_of = [&](const char* name) { return folder / (seal ? std::string(name) + kSealedEnding : std::string(name)); };
+  const auto bytes_of = [&](const char* name, std::uint64_t most) {
+    return seal ? read_sealed_file(folder, name, *seal, most) : read_file_bytes(folder / name, most);
+  };
+  const bool log = fs::exists(seal ? name_of(kSealedFrameLogName) : folder / kFrameLogName, ignored);
+  // A sealed session in work, or interrupted, has only its outline.
+  const bool outline = seal && (log || !fs::exists(name_of("session.json"), ignored));
+  const fs::path file = outline ? folder / "session.json" : name_of("session.json");
+  const Json j = Json::parse(outline ? read_file_bytes(file, kMostJson) : bytes_of("session.json", kMostJson), nullptr, false);
   if (!j.is_object() || !j.contains("result") || !j["result"].is_string())
     throw std::runtime_error(fmt::format("{}: is no session.json of boothd", file.string()));
   SessionContents out;
   out.id = folder.filename().string();
   out.result = j["result"].get<std::string>();
-  if (fs::exists(folder / kFrameLogName, ignored)) {
-    out.frames = read_session_log(folder);
+  if (outline && out.result == "complete") throw std::runtime_error(fmt::format("{}: is missing", name_of("session.json").string()));
+  if (log) {
+    out.frames = read_session_log(folder, seal);
     return out;
   }
-  const fs::path csv = folder / "skeleton.csv";
+  const fs::path csv = name_of("skeleton.csv");
   if (!fs::exists(csv, ignored)) return out;  // a session without a frame
-  out.frames = parse_skeleton_csv(read_file_bytes(csv, kMostCsv), csv.string());
+  out.frames = parse_skeleton_csv(bytes_of("skeleton.csv", kMostCsv), csv.string());
   if (j.value("sex", Json("")).is_string()) take_body(j, file, out.frames);
   return out;
 }

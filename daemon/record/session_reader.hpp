@@ -10,14 +10,16 @@
 
 namespace booth::daemon {
 
+class Seal;
+
 struct SessionContents {
   std::string id, result;  ///< result: running, complete, interrupted
   std::vector<FrameRecord> frames;
 };
 
-/// From the raw log where it is still there, else from skeleton.csv (whose numbers are floats) and session.json. Throws std::runtime_error with one sentence
-/// that names the file, the place and what is wrong.
-SessionContents read_session(const std::filesystem::path& folder);
+/// A sealed session is read with its seal; without it, that it is sealed and what to do is the error. From the raw log where it is still there, else from
+/// skeleton.csv (whose numbers are floats) and session.json. Throws std::runtime_error with one sentence that names the file, the place and what is wrong.
+SessionContents read_session(const std::filesystem::path& folder, const Seal* seal = nullptr);
 
 /// The rows of a skeleton.csv: times, states, poses, joints and residuals; no body. `name` is for the errors, which are std::runtime_error.
 std::vector<FrameRecord> parse_skeleton_csv(std::string_view text, const std::string& name);

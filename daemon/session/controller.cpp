@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "daemon/health/log.hpp"
 #include "daemon/session/dds_samples.hpp"
@@ -223,8 +224,9 @@ void Controller::begin_session() {
   try {
     for (const auto& line : prune_sessions(settings_.session_directory, settings_.quota_bytes, settings_.max_age_days, info.began_utc_ns))
       log_line(LogLevel::info, line);
-    folder = create_session_folder(settings_.session_directory, info);
-    log_.open(folder);
+    seal_ = settings_.seal_to ? Seal::fresh(*settings_.seal_to) : nullptr;
+    folder = create_session_folder(settings_.session_directory, info, seal_.get());
+    log_.open(folder, seal_.get());
   } catch (const std::exception& e) {
     alarm = fmt::format("this session is live only: {}", e.what());
     log_line(LogLevel::error, alarm);
@@ -275,13 +277,15 @@ void Controller::end_session(const std::string& reason, const std::string& state
     log_line(LogLevel::error, log_.problem());
     set_alarm(log_.problem());
   }
-  finisher_ = std::thread([this, info = std::move(info), folder = std::move(folder)]() mutable { write_files(std::move(info), std::move(folder)); });
+  finisher_ = std::thread([this, info = std::move(info), folder = std::move(folder), seal = std::exchange(seal_, nullptr)]() mutable {
+    write_files(std::move(info), std::move(folder), std::move(seal));
+  });
 }
 
-void Controller::write_files(SessionInfo info, std::filesystem::path folder) {
+void Controller::write_files(SessionInfo info, std::filesystem::path folder, std::shared_ptr<const Seal> seal) {
   if (!folder.empty()) {
     try {
-      SessionSummary summary = finish_session(folder, info, read_session_log(folder), settings_.models, settings_.truth.get());
+      SessionSummary summary = finish_session(folder, info, read_session_log(folder, seal.get()), settings_.models, settings_.truth.get(), seal.get());
       log_line(LogLevel::info, fmt::format("session {} is complete: {} frames, {:.1f} frames/s, in {}", info.id, summary.frames, summary.fps, folder.string()));
       const std::lock_guard lock(shared_mutex_);
       summary_ = std::move(summary);

@@ -36,6 +36,7 @@ struct ControllerSettings {
   SessionInfo info;  ///< what is the same in every session of this daemon
   SessionModels models;
   std::shared_ptr<const hal::GroundTruth> truth;  ///< may be null
+  std::shared_ptr<const PublicKey> seal_to{};     ///< sessions are sealed to it; null: they are not
   std::int64_t calibrated_utc_ns = 0;             ///< when the cameras were calibrated; 0: not known
   double calibration_residual = -1;               ///< metres; negative: not known
   /// Hears of everything that happens, on the controller's thread: kind, source, text. May be empty.
@@ -129,7 +130,7 @@ class Controller final : public FrameSink {
   void apply(const SessionOutcome& outcome, const std::string& source);
   void begin_session();
   void end_session(const std::string& reason, const std::string& state_at_end);
-  void write_files(SessionInfo info, std::filesystem::path folder);
+  void write_files(SessionInfo info, std::filesystem::path folder, std::shared_ptr<const Seal> seal);
   void publish_body();
   void publish_status(bool force);
   void set_alarm(const std::string& text);
@@ -163,6 +164,7 @@ class Controller final : public FrameSink {
   hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{}, next_credential_look_{};
   std::string status_key_;
   std::int64_t session_began_utc_ = 0;
+  std::shared_ptr<const Seal> seal_;  ///< of this session; null: it is not sealed
 
   mutable std::mutex shared_mutex_;  ///< guards what follows
   FrameRecord last_;

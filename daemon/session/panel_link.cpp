@@ -16,6 +16,8 @@ SessionEvent event_of(hal::TriggerKind kind) {
       return SessionEvent::stop;
     case hal::TriggerKind::toggle:
       return SessionEvent::toggle;
+    case hal::TriggerKind::calibrate:
+      return SessionEvent::calibrate;
     case hal::TriggerKind::emergency_pressed:
       return SessionEvent::emergency_pressed;
     case hal::TriggerKind::emergency_released:

@@ -19,6 +19,8 @@ struct Cell {
 constexpr std::string_view kRunning = "a session is running already";
 constexpr std::string_view kSaving = "the last session is still being saved; try again in a moment";
 constexpr std::string_view kNothing = "no session is running";
+constexpr std::string_view kNoCalibration = "calibration is not available in this version";
+constexpr std::string_view kInTheWay = "a calibration needs the empty stage; end the session first";
 constexpr std::string_view kCounting = "a session is about to begin already";
 
 constexpr Cell kEnd{S::finishing, A::end}, kBegin{S::estimating, A::begin};
@@ -60,12 +62,19 @@ constexpr std::array<std::array<Cell, kSessionStates>, kSessionEvents> kTable{{
     {{{S::idle}, kEnd, {S::tracking}, {S::searching}, {S::finishing}, {S::countdown}}},
     /* pause_over */
     {{{S::idle}, kEnd, kEnd, kEnd, {S::finishing}, {S::countdown}}},
+    /* calibrate */
+    {{{S::idle, A::none, kNoCalibration},
+      {S::estimating, A::none, kInTheWay},
+      {S::tracking, A::none, kInTheWay},
+      {S::searching, A::none, kInTheWay},
+      {S::finishing, A::none, kInTheWay},
+      {S::countdown, A::none, kInTheWay}}},
 }};
 
 constexpr std::array<std::string_view, kSessionStates> kStateNames{"idle", "estimating", "tracking", "searching", "finishing", "countdown"};
 constexpr std::array<std::string_view, kSessionEvents> kEventNames{
     "start",       "stop",         "toggle",        "emergency_pressed", "emergency_released", "body_accepted", "person_lost", "person_found",
-    "search_over", "session_over", "sources_ended", "files_written",     "countdown_over",     "estimate_over", "pause_over"};
+    "search_over", "session_over", "sources_ended", "files_written",     "countdown_over",     "estimate_over", "pause_over",  "calibrate"};
 
 }  // namespace
 

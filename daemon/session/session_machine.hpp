@@ -34,8 +34,9 @@ enum class SessionEvent : std::uint8_t {
   countdown_over,      ///< the visitor has had countdown_seconds to step onto the stage
   estimate_over,       ///< no body found within estimate_seconds
   pause_over,          ///< too few cameras for pause_seconds
+  calibrate,           ///< a person asks for a calibration (a long press); refused in every state as long as boothd has none to offer
 };
-inline constexpr int kSessionEvents = 15;
+inline constexpr int kSessionEvents = 16;
 
 /// What the owner of the machine has to do; at most one for each event.
 enum class SessionAction : std::uint8_t { none, begin, end };

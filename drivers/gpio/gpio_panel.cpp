@@ -119,7 +119,8 @@ class GpioPanel final : public hal::Panel {
     LineRequest request;
     Button button;
     bool open = false, lit = false;
-    hal::MonotonicTime opened{};
+    bool undecided = false;  ///< pressed, and it is not known yet how long
+    hal::MonotonicTime opened{}, pressed{};
     Retry retry;
     std::string problem;
   };
@@ -167,7 +168,7 @@ class GpioPanel final : public hal::Panel {
   void lose_chip(const std::string& why, hal::MonotonicTime now) {
     chip_problem_ = why;
     for (int i = 0; i < count(); ++i) {
-      line(i).open = false;
+      line(i).open = line(i).undecided = false;
       line(i).problem.clear();
     }
     {
@@ -194,7 +195,7 @@ class GpioPanel final : public hal::Panel {
     chip_->release(i);
     const hal::MonotonicTime now = clock_.now();
     if (l.open && now - l.opened > kCalm) l.retry.succeeded();
-    l.open = false;
+    l.open = l.undecided = false;
     l.problem = why;
     l.retry.failed(now, settings_);
   }
@@ -205,7 +206,7 @@ class GpioPanel final : public hal::Panel {
       if (l.open || !l.retry.due(now)) continue;
       with_line(i, [&] {
         chip_->request(i, l.request);
-        l.lit = false;
+        l.lit = l.undecided = false;
         // Pressed already when first seen: no press, and an emergency stop is found pressed by watch_emergency_stop().
         if (!is_output(l.role)) l.button.begin(chip_->level(i), clock_.now());
         l.open = true;
@@ -228,6 +229,8 @@ class GpioPanel final : public hal::Panel {
         if ((all || l.button.next() <= now) && chip_->level(i) != l.button.last_level()) take({i, !l.button.last_level(), clock_.now()});
         if (l.open)
           if (const auto change = l.button.tick(now)) happened(l, *change);
+        // A line that is at rest again has an edge on its way, which decides.
+        if (l.open && l.undecided && !l.button.moving() && now >= long_at(l) && chip_->level(i)) decide(l, long_at(l));
         if (l.open) l.problem = l.button.stuck(now) ? stuck_sentence(l) : "";
       });
     }
@@ -252,16 +255,21 @@ class GpioPanel final : public hal::Panel {
                                " edges a second: look for a loose contact, an unconnected wire or a missing gpio.bias");
   }
 
-  void happened(const Line& l, const ButtonChange& change) {
+  void happened(Line& l, const ButtonChange& change) {
     switch (l.role) {
       case Role::start:
-        if (change.active) report({hal::TriggerKind::start, change.at});
+      case Role::toggle:
+        if (settings_.long_press.count() <= 0) {
+          if (change.active) report({short_press(l), change.at});
+        } else if (change.active) {
+          l.undecided = true;
+          l.pressed = change.at;
+        } else if (l.undecided) {
+          decide(l, change.at);
+        }
         break;
       case Role::stop:
         if (change.active) report({hal::TriggerKind::stop, change.at});
-        break;
-      case Role::toggle:
-        if (change.active) report({hal::TriggerKind::toggle, change.at});
         break;
       case Role::emergency_stop:
         report_emergency(change.active, change.at);
@@ -270,6 +278,14 @@ class GpioPanel final : public hal::Panel {
       case Role::buzzer:
         break;
     }
+  }
+
+  static hal::TriggerKind short_press(const Line& l) { return l.role == Role::start ? hal::TriggerKind::start : hal::TriggerKind::toggle; }
+  hal::MonotonicTime long_at(const Line& l) const { return l.pressed + settings_.long_press; }
+  /// Let go then, or still pressed: by the times of the edges, so that a busy machine decides as an idle one.
+  void decide(Line& l, hal::MonotonicTime until) {
+    l.undecided = false;
+    report({until >= long_at(l) ? hal::TriggerKind::calibrate : short_press(l), l.pressed});
   }
 
   /// Not readable is pressed.
@@ -289,7 +305,7 @@ class GpioPanel final : public hal::Panel {
       const std::lock_guard lock(mutex_);
       // Nobody listens: the oldest press is of no use any more, an emergency stop always is.
       if (events_.size() >= kEvents) {
-        const auto press = std::find_if(events_.begin(), events_.end(), [](const auto& e) { return e.kind <= hal::TriggerKind::toggle; });
+        const auto press = std::find_if(events_.begin(), events_.end(), [](const auto& e) { return e.kind <= hal::TriggerKind::calibrate; });
         events_.erase(press == events_.end() ? events_.begin() : press);
       }
       events_.push_back(event);
@@ -333,6 +349,7 @@ class GpioPanel final : public hal::Panel {
     for (const auto& l : lines_) {
       if (is_output(l.role) && l.open) pause = std::min(pause, moment_of(l.role, now).left);
       if (!is_output(l.role) && l.open && l.button.moving()) pause = std::min(pause, l.button.next() - now);
+      if (l.open && l.undecided) pause = std::min(pause, long_at(l) - now);
       if (!l.open && chip_) pause = std::min(pause, l.retry.at() - now);
     }
     pause = std::max(pause, hal::Nanoseconds(0));

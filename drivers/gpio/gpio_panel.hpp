@@ -23,6 +23,9 @@ struct PanelSettings {
   std::vector<Line> lines;  ///< at most kSlots; each role once
   hal::Nanoseconds debounce = std::chrono::milliseconds(20);
   hal::Nanoseconds stuck = std::chrono::seconds(30);  ///< of start, stop and toggle
+  /// A start or toggle button that is pressed for so long asks for a calibration instead, and a shorter press counts when it is let go. 0: presses of any
+  /// length are the same, and count as soon as they have settled.
+  hal::Nanoseconds long_press{0};
   int edges_per_second = 200;
   hal::Nanoseconds first_retry = std::chrono::milliseconds(500), last_retry = std::chrono::seconds(10);  ///< doubling from one to the other
 };

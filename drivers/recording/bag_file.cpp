@@ -10,6 +10,8 @@
 #include <optional>
 #include <stdexcept>
 
+#include "drivers/recording/sealed_recording.hpp"
+
 namespace booth::drivers {
 namespace {
 
@@ -197,7 +199,7 @@ std::vector<std::string> recover_bags(const fs::path& directory) {
       found.push_back(it->path());
   }
   std::sort(found.begin(), found.end());
-  for (const auto& path : found) said.push_back(recover_bag(path));
+  for (const auto& path : found) said.push_back(is_sealed_recording(path) ? recover_sealed(path) : recover_bag(path));
   return said;
 }
 

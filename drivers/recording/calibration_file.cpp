@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <sstream>
 #include <stdexcept>
 
 #include "drivers/recording/text.hpp"
@@ -27,7 +28,7 @@ std::string real(double value) {
   return text.find_first_of(".e") == std::string::npos ? text + ".0" : text;
 }
 
-void write_camera(std::ofstream& out, const hal::CameraDescription& c, const CalibrationFiles* files) {
+void write_camera(std::ostream& out, const hal::CameraDescription& c, const CalibrationFiles* files) {
   const auto& k = c.intrinsics;
   out << "\n[[camera]]\nname = " << quoted(c.name) << "\nserial = " << quoted(c.serial);
   if (files) out << "\nfolder = " << quoted(files->folder);
@@ -51,10 +52,16 @@ void write_camera(std::ofstream& out, const hal::CameraDescription& c, const Cal
 
 }  // namespace
 
-void write_calibration(const std::filesystem::path& file, const std::vector<hal::CameraDescription>& cameras, const std::vector<CalibrationFiles>& files) {
-  std::ofstream out(file);
+std::string calibration_text(const std::vector<hal::CameraDescription>& cameras, const std::vector<CalibrationFiles>& files) {
+  std::ostringstream out;
   out << "# World frame: x forward, y left, z up, metres, origin on the floor at the middle of the stage.\nversion = 1\n";
   for (std::size_t i = 0; i < cameras.size(); ++i) write_camera(out, cameras[i], i < files.size() ? &files[i] : nullptr);
+  return out.str();
+}
+
+void write_calibration(const std::filesystem::path& file, const std::vector<hal::CameraDescription>& cameras, const std::vector<CalibrationFiles>& files) {
+  std::ofstream out(file);
+  out << calibration_text(cameras, files);
   out.close();
   if (!out) throw std::runtime_error("cannot write " + file.string() + ": " + std::strerror(errno) + "; check the disk's space");
 }

@@ -18,6 +18,12 @@ struct CalibrationFiles {
   std::vector<std::string> background;  ///< pictures of the empty room
 };
 
+/// The same from text; `name` is for the errors.
+std::vector<hal::CameraDescription> parse_calibration_text(const std::string& text, const std::filesystem::path& name);
+
+/// What write_calibration() writes.
+std::string calibration_text(const std::vector<hal::CameraDescription>& cameras, const std::vector<CalibrationFiles>& files = {});
+
 /// Numbers are written so that reading them gives the same bits. `files` is empty or has one entry for each camera. Throws std::runtime_error.
 void write_calibration(const std::filesystem::path& file, const std::vector<hal::CameraDescription>& cameras, const std::vector<CalibrationFiles>& files = {});
 

@@ -103,11 +103,24 @@ std::vector<CameraTable> camera_tables(const std::filesystem::path& file, const 
   return out;
 }
 
-std::vector<hal::CameraDescription> read_calibration(const std::filesystem::path& file) {
-  const toml::table root = parse_calibration(file);
+namespace {
+
+std::vector<hal::CameraDescription> descriptions(const std::filesystem::path& file, const toml::table& root) {
   std::vector<hal::CameraDescription> cameras;
   for (const CameraTable& table : camera_tables(file, root)) cameras.push_back(table.description());
   return cameras;
+}
+
+}  // namespace
+
+std::vector<hal::CameraDescription> read_calibration(const std::filesystem::path& file) { return descriptions(file, parse_calibration(file)); }
+
+std::vector<hal::CameraDescription> parse_calibration_text(const std::string& text, const std::filesystem::path& name) {
+  try {
+    return descriptions(name, toml::parse(text, name.string()));
+  } catch (const toml::parse_error& e) {
+    fail(name, "line " + std::to_string(e.source().begin.line) + ": " + std::string(e.description()));
+  }
 }
 
 }  // namespace booth::drivers

@@ -52,7 +52,7 @@ class MemoryRecorder final : public hal::FlightRecorder {
         background_(background),
         clock_(clock),
         ring_(ring_bytes(settings), hal::from_seconds(settings.seconds)),
-        context_{ring_, clock_, cameras_, background_, settings.keep_free_bytes} {
+        context_{ring_, clock_, cameras_, background_, settings.keep_free_bytes, settings.seal} {
     std::size_t most = 0;
     if (settings_.depth)
       for (const auto& c : cameras_) {

@@ -9,6 +9,7 @@
 
 #include "hal/clock.hpp"
 #include "hal/flight_recorder.hpp"
+#include "hal/sealed_file.hpp"
 
 namespace booth::drivers {
 
@@ -18,6 +19,7 @@ struct FlightRecorderSettings {
   double seconds = 30;                      ///< how far back the memory reaches
   std::size_t memory_bytes = 800u << 20;    ///< of packed depth images; without depth a small part of it is taken
   std::uint64_t keep_free_bytes = 1 << 30;  ///< a recording ends when the disk has less left
+  hal::SealFiles seal{};                    ///< closes what is written for a key that is elsewhere; empty: recordings are plain
 };
 
 /// What it takes, before anything is allocated.

@@ -7,6 +7,7 @@
 
 #include "drivers/recording/layouts.hpp"
 #include "drivers/recording/recorded_camera.hpp"
+#include "drivers/recording/sealed_recording.hpp"
 #include "drivers/recording/truth_file.hpp"
 
 namespace booth::drivers {
@@ -64,6 +65,9 @@ Source open_recording(const std::filesystem::path& path, Pace pace, std::shared_
   std::error_code error;
   if (!std::filesystem::is_directory(path, error))
     throw std::runtime_error("recording " + path.string() + " is not a folder that can be read; name a rosbag2 folder or one with calibration.toml");
+  if (is_sealed_recording(path))
+    throw std::runtime_error("recording " + path.string() + " is sealed; `boothctl decrypt " + path.string() +
+                             " --key FILE` makes one of it that can be played, for whoever has the private key");
   const bool bag = std::filesystem::exists(path / "metadata.yaml", error), folder = std::filesystem::exists(path / "calibration.toml", error);
   if (!bag && !folder)
     throw std::runtime_error("recording " + path.string() + " has neither metadata.yaml (rosbag2) nor calibration.toml (folder of depth images)");

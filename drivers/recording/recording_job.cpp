@@ -7,7 +7,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "drivers/recording/rosbag2_writer.hpp"
+#include "drivers/recording/recording_sink.hpp"
 #include "drivers/recording/text.hpp"
 
 namespace booth::drivers {
@@ -65,7 +65,8 @@ void RecordingJob::check_space(const std::filesystem::path& folder) const {
 }
 
 void RecordingJob::write() {
-  Rosbag2Writer writer(order_.path, context_.cameras, {}, context_.background, {.compressed = !order_.uncompressed, .depth = order_.depth, .groups = true});
+  const auto sink = make_recording_sink(order_.path, context_.cameras, context_.background,
+                                        {.compressed = !order_.uncompressed, .depth = order_.depth, .groups = true}, context_.seal);
   // One offset for the whole recording: differences between its stamps are those of the monotonic clock, whatever is done to the wall clock meanwhile.
   const hal::Nanoseconds offset = context_.clock.utc_now().time_since_epoch() - context_.clock.now().time_since_epoch();
   const auto utc = [&](hal::MonotonicTime t) { return hal::UtcTime(t.time_since_epoch() + offset); };
@@ -81,8 +82,8 @@ void RecordingJob::write() {
   std::optional<std::uint64_t> until = order_.until;
   std::string end = until ? "complete" : "";
   try {
-    check_space(writer.bag().folder());
-    writer.write_event(note("begins: " + order_.reason), utc(began_));
+    check_space(sink->folder());
+    sink->event(note("begins: " + order_.reason), utc(began_));
     while (true) {
       const hal::MonotonicTime now = context_.clock.now();
       // What was handed in before the end belongs to the recording: first the end, then what is there.
@@ -90,39 +91,39 @@ void RecordingJob::write() {
       const bool got = (!until || cursor.number < *until) && context_.ring.read(cursor, moment, bytes, missed);
       if (got) earliest = std::min(earliest.value_or(moment.time), moment.time), latest = std::max(latest, moment.time);
       if (got && moment.kind == Moment::Kind::depth && order_.depth) {
-        writer.write_packed(moment.camera, bytes, utc(moment.time));
+        sink->depth(moment.camera, bytes, utc(moment.time));
         ++frames;
       } else if (got && moment.kind == Moment::Kind::group) {
         hal::FittedGroup group;
         std::memcpy(&group, bytes.data(), std::min(sizeof group, bytes.size()));
-        writer.write_group(group, offset);
+        sink->group(group, offset);
       } else if (got && moment.kind == Moment::Kind::event) {
-        writer.write_event(std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()), utc(moment.time));
+        sink->event(std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()), utc(moment.time));
       }
       if (const auto here = std::chrono::steady_clock::now(); here >= next_look || !got) {
         const std::lock_guard lock(mutex_);
         status_.seconds = !order_.until ? hal::seconds(now - began_) : earliest ? hal::seconds(latest - *earliest) : 0.0;
         status_.frames = frames;
         status_.missed = missed;
-        status_.bytes = writer.bag().bytes();
-        if (here >= next_look) check_space(writer.bag().folder());
+        status_.bytes = sink->bytes();
+        if (here >= next_look) check_space(sink->folder());
         if (here >= next_look) next_look = here + 500ms;
       }
       if (got) continue;
       if (until) break;
-      writer.bag().commit_if_due();
+      sink->commit_if_due();
       std::this_thread::sleep_for(10ms);
     }
-    writer.write_event(note("ends: " + end + "; " + std::to_string(missed) + " moments missed"), utc(context_.clock.now()));
-    writer.close();
+    sink->event(note("ends: " + end + "; " + std::to_string(missed) + " moments missed"), utc(context_.clock.now()));
+    sink->close();
   } catch (const std::exception& e) {
     // What was written before is worth keeping; a bag that cannot even be closed is finished at the next start.
     const std::string why = e.what();
-    writer.bag().give_up_last_transaction();
+    sink->give_up_last();
     try {
-      writer.close();
+      sink->close();
     } catch (const std::exception&) {
-      throw std::runtime_error(why + "; what was written is in " + writer.bag().folder().string());
+      throw std::runtime_error(why + "; what was written is in " + sink->folder().string());
     }
     throw std::runtime_error(why + "; what was written before is in " + order_.path.string());
   }

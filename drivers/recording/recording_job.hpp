@@ -12,6 +12,7 @@
 #include "drivers/recording/moment_ring.hpp"
 #include "hal/clock.hpp"
 #include "hal/flight_recorder.hpp"
+#include "hal/sealed_file.hpp"
 
 namespace booth::drivers {
 
@@ -22,6 +23,7 @@ struct RecordingContext {
   const std::vector<hal::CameraDescription>& cameras;
   const std::vector<hal::DepthFrame>& background;
   std::uint64_t keep_free_bytes = 0;
+  hal::SealFiles seal{};  ///< empty: recordings are plain
 };
 
 struct RecordingOrder {

@@ -1,6 +1,7 @@
 // Which topics a recording has and what their messages hold (docs/reference/recordings.md).
 #include "drivers/recording/rosbag2_writer.hpp"
 
+#include <set>
 #include <stdexcept>
 
 #include "drivers/recording/calibration_file.hpp"
@@ -15,14 +16,22 @@ std::string ros_name(const std::string& name) {
   return out.empty() || (out[0] >= '0' && out[0] <= '9') ? "camera_" + out : out;
 }
 
+void check_ros_cameras(const std::vector<hal::CameraDescription>& cameras, bool depth) {
+  std::set<std::string> names;
+  for (const auto& c : cameras) {
+    if (depth && c.depth_scale != 0.001)
+      throw std::runtime_error("camera '" + c.name + "' counts " + std::to_string(c.depth_scale) +
+                               " m, ROS depth images are in millimetres: use the folder layout");
+    if (!names.insert(ros_name(c.name)).second) throw std::runtime_error("two cameras have the same name in ROS ('" + ros_name(c.name) + "'): rename one");
+  }
+}
+
 Rosbag2Writer::Rosbag2Writer(const std::filesystem::path& path, const std::vector<hal::CameraDescription>& cameras, const std::optional<TruthBody>& body,
                              const std::vector<hal::DepthFrame>& background, BagContents contents)
     : cameras_(cameras), beta_(body ? body->beta : std::vector<double>{}), background_(background), contents_(contents), bag_(path), last_(cameras.size()) {
+  check_ros_cameras(cameras_, contents_.depth);
   std::size_t pixels = 0;
   for (const auto& c : cameras_) {
-    if (contents_.depth && c.depth_scale != 0.001)
-      throw std::runtime_error("camera '" + c.name + "' counts " + std::to_string(c.depth_scale) +
-                               " m, ROS depth images are in millimetres: use the folder layout");
     pixels = std::max(pixels, static_cast<std::size_t>(c.intrinsics.width) * static_cast<std::size_t>(c.intrinsics.height));
     const std::string base = "/" + ros_name(c.name) + "/depth";
     frame_id_.push_back(ros_name(c.name) + "_depth_optical_frame");

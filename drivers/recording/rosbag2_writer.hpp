@@ -58,6 +58,9 @@ class Rosbag2Writer final : public hal::DepthSink {
   std::optional<TruthWriter> truth_;
 };
 
+/// Throws std::runtime_error where a bag cannot hold what these cameras see: depth in other units than ROS has, two names that ROS cannot tell apart.
+void check_ros_cameras(const std::vector<hal::CameraDescription>& cameras, bool depth);
+
 /// A ROS name: letters, digits and underscores, no digit first.
 std::string ros_name(const std::string& name);
 

@@ -142,6 +142,36 @@ TEST_P(Panel, OneButtonToggles) {
   EXPECT_TRUE(silent(0ns));
 }
 
+TEST_P(Panel, ALongPressIsAnotherThanAShortOne) {
+  button(Role::toggle, "start");
+  settings.long_press = 3s;
+  open_well();
+  // Short: as of its press, told when it is let go.
+  for (int attempt = 0;; ++attempt) {
+    const auto before = clock.now();
+    press("start");
+    std::this_thread::sleep_for(kQuiet);
+    let_go("start");
+    const bool in_time = clock.now() - before < settings.long_press - kDebounce;
+    const auto event = panel->wait(20s);
+    ASSERT_TRUE(event);
+    if (!in_time && attempt < 5) continue;  // the machine was away for seconds, and so the finger was on the button
+    ASSERT_TRUE(in_time);
+    EXPECT_EQ(event->kind, TriggerKind::toggle);
+    EXPECT_GE(event->at, before);
+    break;
+  }
+  EXPECT_TRUE(silent());
+  // Long: told while it is still pressed, once.
+  const auto before = clock.now();
+  press("start");
+  ASSERT_TRUE(hears(TriggerKind::calibrate));
+  EXPECT_GE(clock.now() - before, settings.long_press);
+  EXPECT_TRUE(silent());
+  let_go("start");
+  EXPECT_TRUE(silent()) << "letting go is no press";
+}
+
 TEST_P(Panel, TakesABouncingPressForOne) {
   button(Role::start, "start");
   open_well();

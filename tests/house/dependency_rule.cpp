@@ -43,6 +43,7 @@ std::string library_of(const std::string& header) {
                                                     {"benchmark/", "Google Benchmark"},
                                                     {"seccomp.h", "libseccomp"},
                                                     {"openssl/", "OpenSSL"},
+                                                    {"sodium.h", "libsodium"},
                                                     {"cuda_runtime.h", "CUDA"}}};
   for (const Prefix& p : prefixes)
     if (starts_with(header, p.header)) return p.library;
@@ -80,6 +81,8 @@ const std::vector<Rule>& rules() {
        {"std", "POSIX", "Eigen", "Cyclone DDS", "libsystemd", "libseccomp", "toml++", "CLI11", "fmt", "nlohmann-json", "libpng", "zlib"}},
       // The one place where drivers are constructed.
       {"daemon/drivers_factory.", {"hal", "fit", "daemon", "drivers"}, {"std", "POSIX", "fmt", "Eigen"}},
+      // Cryptography in one place.
+      {"daemon/seal/", {"hal", "daemon"}, {"std", "POSIX", "fmt", "libsodium"}},
       // assimp writes FBX; OpenCV calibrates: each in its own corner.
       {"daemon/record/export", {"hal", "fit", "daemon"}, {"std", "Eigen", "fmt", "assimp"}},
       // Certificates and signatures stay in one folder.

@@ -130,6 +130,7 @@ TEST(Reference, EveryPackageThatTheBuildLooksForIsInTheList) {
                                                                 {"LIBUSB", "libusb-1.0-0-dev"},
                                                                 {"LIBGPIOD", "libgpiod-dev"},
                                                                 {"ZSTD", "libzstd-dev"},
+                                                                {"SODIUM", "libsodium-dev"},
                                                                 {"zstd", "libzstd-dev"},
                                                                 {"benchmark", "libbenchmark-dev"},
                                                                 {"rapidcheck", "librapidcheck-dev"},

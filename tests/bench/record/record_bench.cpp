@@ -1,11 +1,16 @@
-// Task `record`: depth images packed and unpacked on one core, how small they get, and what handing one to the recorder costs a camera's thread.
+// Task `record`: depth images packed and unpacked on one core, how small they get, what sealing them costs, and what handing one to the recorder costs a
+// camera's thread.
+#include <unistd.h>
 #include <zstd.h>
 
 #include <CLI/CLI.hpp>
 #include <cstring>
+#include <filesystem>
 #include <stdexcept>
 #include <thread>
 
+#include "daemon/io/atomic_file.hpp"
+#include "daemon/seal/seal.hpp"
 #include "drivers/clock/system_clock.hpp"
 #include "drivers/recording/flight_recorder.hpp"
 #include "drivers/recording/rvl.hpp"
@@ -25,6 +30,42 @@ Images images(bool short_form) {
   for (const auto& camera : memory.frames)
     for (const auto& f : camera) out.push_back(f.depth);
   return out;
+}
+
+/// Packed images through the seal, in memory and into files, beside the same bytes copied and written plain.
+void measure_sealing(const std::vector<std::string>& pieces, int repeats, Report& report) {
+  const daemon::PrivateKey key = daemon::make_private_key();
+  const auto seal = daemon::Seal::fresh(key.public_half);
+  std::size_t total = 0;
+  for (const auto& p : pieces) total += p.size();
+  std::string sealed, copy;
+  sealed.reserve(2 * daemon::kSealChunk);
+  copy.resize(daemon::kSealChunk);
+  const std::filesystem::path place = std::filesystem::temp_directory_path() / ("booth-bench-" + std::to_string(::getpid()));
+  std::filesystem::create_directories(place);
+  const auto write = [&](const daemon::Seal* with) {
+    daemon::AtomicFile file({place / "images", with}, 0600);
+    for (const auto& p : pieces) file.write(p);
+    file.flush();  // not synchronised: the processor's work is asked for, not the disk's
+  };
+  const auto seconds = median_thread_seconds_in_turns(repeats, {[&] {
+                                                                  daemon::SealEncoder encoder(*seal, "images");
+                                                                  for (const auto& p : pieces)
+                                                                    for (std::size_t at = 0; at < p.size(); at += daemon::kSealChunk) {
+                                                                      sealed.clear();
+                                                                      encoder.append(std::string_view(p).substr(at, daemon::kSealChunk), false, sealed);
+                                                                    }
+                                                                },
+                                                                [&] {
+                                                                  for (const auto& p : pieces)
+                                                                    for (std::size_t at = 0; at < p.size(); at += daemon::kSealChunk)
+                                                                      std::memcpy(copy.data(), p.data() + at, std::min(daemon::kSealChunk, p.size() - at));
+                                                                },
+                                                                [&] { write(seal.get()); }, [&] { write(nullptr); }});
+  std::filesystem::remove_all(place);
+  const double megabytes = 1e-6 * static_cast<double>(total);
+  report.add({"sealed in memory, one core", "MB/s", megabytes / seconds[0], "plain copy", megabytes / seconds[1]});
+  report.add({"sealed into a file, processor's time", "MB/s", megabytes / seconds[2], "written plain", megabytes / seconds[3]});
 }
 
 void run(const Common& common, Report& report) {
@@ -69,6 +110,10 @@ void run(const Common& common, Report& report) {
   report.add({"size", "bytes/frame", static_cast<double>(rvl_bytes) / n, "not packed", 2.0 * static_cast<double>(pixels)});
   report.add({"size against zstd -1", "bytes/frame", static_cast<double>(rvl_bytes) / n, "zstd -1", static_cast<double>(zstd_bytes) / n});
   report.add({"images that came back different", "", static_cast<double>(wrong)});
+
+  std::vector<std::string> pieces;
+  for (std::size_t i = 0; i < all.size(); ++i) pieces.emplace_back(reinterpret_cast<const char*>(packed[i].data()), sizes[i]);
+  measure_sealing(pieces, repeats, report);
 
   drivers::SystemClock clock;
   hal::CameraDescription camera;

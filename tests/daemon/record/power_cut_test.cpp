@@ -15,6 +15,7 @@
 
 #include "daemon/record/session_log.hpp"
 #include "daemon/record/session_reader.hpp"
+#include "daemon/seal/sealed_file.hpp"
 #include "tests/daemon/record/session_samples.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
 
@@ -30,17 +31,18 @@ using tests::sample_models;
 
 constexpr std::uint64_t kFrames = 12;
 
-/// A whole session in a child process. Returns 0 when it says that all is well.
-int run_session(const fs::path& directory) {
+/// A whole session in a child process, sealed where there is a key to seal it to. Returns 0 when it says that all is well.
+int run_session(const fs::path& directory, const PublicKey* seal_to) {
   try {
     SessionInfo info = sample_info();
-    const fs::path folder = create_session_folder(directory, info);
+    const auto seal = seal_to ? Seal::fresh(*seal_to) : nullptr;
+    const fs::path folder = create_session_folder(directory, info, seal.get());
     SessionLog log;
-    log.open(folder);
+    log.open(folder, seal.get());
     for (const auto& f : sample_frames(kFrames)) log.append(f);
     log.close();
     info.result = log.problem().empty() ? "complete" : "interrupted";  // as the controller does
-    finish_session(folder, info, read_session_log(folder), sample_models(), nullptr);
+    finish_session(folder, info, read_session_log(folder, seal.get()), sample_models(), nullptr, seal.get());
     return log.problem().empty() ? 0 : 2;
   } catch (const std::exception&) {
     return 1;  // live only, with an alarm
@@ -61,12 +63,12 @@ struct Outcome {
 };
 
 /// Lets the child run to its `at`-th system call that touches files (counted over all its threads), and there kills it (error 0) or makes the call fail.
-Outcome run_traced(const fs::path& directory, int at, int error) {
+Outcome run_traced(const fs::path& directory, int at, int error, const PublicKey* seal_to) {
   const pid_t child = ::fork();
   if (child == 0) {
     ::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr);
     ::raise(SIGSTOP);
-    ::_exit(run_session(directory));
+    ::_exit(run_session(directory, seal_to));
   }
   Outcome out;
   if (child < 0) return out;  // and never kill(-1), which means everybody
@@ -117,7 +119,7 @@ Outcome run_traced(const fs::path& directory, int at, int error) {
 }
 
 /// After the next start: every session is complete or marked interrupted, and no file is half.
-void expect_whole(const fs::path& directory, const std::string& where) {
+void expect_whole(const fs::path& directory, const std::string& where, const PrivateKey* key) {
   close_interrupted_sessions(directory, sample_models());
   for (const auto& entry : fs::directory_iterator(directory)) {
     const fs::path folder = entry.path();
@@ -127,51 +129,57 @@ void expect_whole(const fs::path& directory, const std::string& where) {
     EXPECT_TRUE(j["result"] == "complete" || j["result"] == "interrupted") << where << ": " << j["result"];
     for (const auto& file : fs::directory_iterator(folder))
       EXPECT_EQ(file.path().filename().string().find(".part"), std::string::npos) << where << ": " << file.path() << " was left";
-    const SessionContents session = read_session(folder);
+    const auto seal = key ? open_seal(folder, *key) : nullptr;
+    const SessionContents session = read_session(folder, seal.get());
     EXPECT_LE(session.frames.size(), kFrames) << where;
     if (j["result"] == "complete") {
       EXPECT_EQ(session.frames.size(), kFrames) << where;
       for (const char* name : {"skeleton.csv", "skeleton.bvh", "body.glb", "body.ply", "measurements.json"})
-        EXPECT_TRUE(fs::exists(folder / name)) << where << name;
+        EXPECT_TRUE(fs::exists(folder / (key ? std::string(name) + kSealedEnding : std::string(name)))) << where << name;
     }
     EXPECT_EQ(j["frames"], session.frames.size()) << where;
   }
 }
 
-struct PowerCut : ::testing::Test {
+/// Plain and sealed.
+struct PowerCut : ::testing::TestWithParam<bool> {
   void SetUp() override {
     (void)sample_models();  // before the fork
     const tests::TemporaryFolder folder;
-    const Outcome whole = run_traced(folder.path, 1'000'000, 0);
+    const Outcome whole = run(folder.path, 1'000'000, 0);
     if (whole.calls == 0) GTEST_SKIP() << "skipped: a process may not trace its children here";
     ASSERT_EQ(whole.status, 0);
     calls = whole.calls;
     ASSERT_GT(calls, 40) << "the session's files are not written by the calls that this test knows";
   }
+  Outcome run(const fs::path& directory, int at, int error) const { return run_traced(directory, at, error, GetParam() ? &key.public_half : nullptr); }
+  void expect_whole_after(const fs::path& directory, const std::string& where) const { expect_whole(directory, where, GetParam() ? &key : nullptr); }
+  const PrivateKey key = make_private_key();
   int calls = 0;
 };
+INSTANTIATE_TEST_SUITE_P(Session, PowerCut, ::testing::Bool(), [](const auto& i) { return std::string(i.param ? "Sealed" : "Plain"); });
 
-TEST_F(PowerCut, AtEveryCall) {
+TEST_P(PowerCut, AtEveryCall) {
   int interrupted = 0;
   for (int at = 0; at < calls + 3; ++at) {
     const tests::TemporaryFolder folder;
-    const Outcome outcome = run_traced(folder.path, at, 0);
-    expect_whole(folder.path, "killed at call " + std::to_string(at));
+    const Outcome outcome = run(folder.path, at, 0);
+    expect_whole_after(folder.path, "killed at call " + std::to_string(at));
     interrupted += outcome.hit;
     if (HasFailure()) return;
   }
   EXPECT_GE(interrupted, calls - 3) << "threads may make a few calls more or less";
 }
 
-TEST_F(PowerCut, EveryCallFails) {
+TEST_P(PowerCut, EveryCallFails) {
   int failures = 0;
   for (const int error : {ENOSPC, EROFS})
     for (int at = 0; at < calls; at += error == ENOSPC ? 1 : 3) {
       const tests::TemporaryFolder folder;
-      const Outcome outcome = run_traced(folder.path, at, error);
+      const Outcome outcome = run(folder.path, at, error);
       EXPECT_NE(outcome.status, -1) << "call " << at << " with error " << error << " ended the process";
       failures += outcome.status > 0;
-      expect_whole(folder.path, "call " + std::to_string(at) + " failed with " + std::to_string(error));
+      expect_whole_after(folder.path, "call " + std::to_string(at) + " failed with " + std::to_string(error));
       if (HasFailure()) return;
     }
   EXPECT_GT(failures, 20) << "who is not told of failures cannot raise an alarm";

@@ -69,7 +69,8 @@ struct RecordingProgram : ::testing::Test {
   std::string out, err;
   int starts = 0;
 
-  void start(bool depth) {
+  /// `more`: further key=value.
+  void start(bool depth, const std::vector<std::string>& more = {}) {
     std::vector<std::string> words{BOOTH_BINARY_DIR "/bin/boothd"};
     for (const std::string& s :
          {"control.socket=" + socket, "session.directory=" + (folder.path / "sessions").string(), "record.directory=" + (folder.path / "recordings").string(),
@@ -78,6 +79,7 @@ struct RecordingProgram : ::testing::Test {
       words.push_back("--set");
       words.push_back(s);
     }
+    for (const auto& s : more) words.insert(words.end(), {"--set", s});
     boothd = std::make_unique<Child>(words, folder.path / ("boothd-" + std::to_string(++starts)));
     ASSERT_TRUE(eventually([&] { return boothd->err().find("is ready") != std::string::npos; }, 60s)) << boothd->err();
   }
@@ -142,6 +144,60 @@ TEST_F(RecordingProgram, IsReplayedToTheSameBitsAndReadByStrangers) {
   EXPECT_TRUE(stranger("validate_glb.cjs", folder.path / "replay" / "body.glb", why));
   EXPECT_EQ(json::parse(out)["errors"], 0);
   EXPECT_EQ(json::parse(out)["animations"], 1);
+}
+
+TEST_F(RecordingProgram, SealedItOpensForTheKeyAloneAndIsReplayedToTheSameBits) {
+  const std::string base = (folder.path / "booth").string(), key = base + ".private";
+  ASSERT_EQ(ctl({"key", "new", base}), 0) << err;
+  EXPECT_EQ(ctl({"key", "show", base + ".public"}), 0) << err;
+  const std::string shown = out.substr(out.rfind(' ') + 1);
+  start(true, {"privacy.seal_to=" + base + ".public"});
+  EXPECT_THAT(boothd->err(), HasSubstr("are sealed to key " + shown.substr(0, 16)));
+  EXPECT_EQ(ask({{"request", "record"}, {"depth", true}, {"seconds", 600}})["ok"], true);
+  EXPECT_EQ(ask({{"request", "start"}})["ok"], true);
+  // Who wants the recording to go on, asks.
+  ASSERT_TRUE(eventually([&] { return ask({{"request", "record_status"}})["ok"] == true && ask({{"request", "status"}})["frames"].get<int>() >= 12; }, 100s));
+  const std::string session = ask({{"request", "status"}})["session_folder"];
+  EXPECT_EQ(ctl({"snapshot"}, socket), 0) << err;
+  EXPECT_EQ(ask({{"request", "record_stop"}})["ok"], true);
+  ASSERT_TRUE(eventually([&] { return ask({{"request", "record_status"}})["recording"]["running"] == false; }, 60s));
+  const std::string bag = ask({{"request", "record_status"}})["recording"]["path"];
+  EXPECT_EQ(ask({{"request", "stop"}})["ok"], true);
+  ASSERT_TRUE(eventually([&] { return ask({{"request", "status"}})["state"] == "idle"; }, 60s));
+  boothd->signal(SIGTERM);
+  EXPECT_EQ(boothd->wait(), 0);
+  for (const char* place : {"sessions", "recordings"})
+    for (const auto& file : fs::recursive_directory_iterator(folder.path / place)) {
+      if (!file.is_regular_file()) continue;
+      const std::string text = read_text(file.path());
+      for (const char* word : {"depth", "lfemur", "beta", "SQLite", "HIERARCHY"})
+        EXPECT_EQ(text.find(word), std::string::npos) << file.path() << " says " << word;
+    }
+
+  // Without the key everybody is told what to do, with it everything is there.
+  EXPECT_EQ(ctl({"export", session, "--format", "csv", "--out", (folder.path / "x.csv").string()}), 1);
+  EXPECT_THAT(err, HasSubstr("--key FILE"));
+  EXPECT_EQ(ctl({"export", session, "--format", "csv", "--key", key, "--out", (folder.path / "x.csv").string()}), 0) << err;
+  EXPECT_EQ(ctl({"track", bag, "--out", (folder.path / "t").string()}), 1);
+  EXPECT_THAT(err, HasSubstr("boothctl decrypt"));
+  EXPECT_EQ(ctl({"decrypt", session, "--key", key, "--out", (folder.path / "s").string()}), 0) << err;
+  EXPECT_EQ(read_text(folder.path / "s" / "skeleton.csv"), read_text(folder.path / "x.csv"));
+  EXPECT_TRUE(json::parse(read_text(folder.path / "s" / "session.json")).contains("beta"));
+  ASSERT_EQ(ctl({"decrypt", bag, "--key", key, "--out", (folder.path / "b").string()}), 0) << err;
+  EXPECT_EQ(ctl({"decrypt", (folder.path / "b").string(), "--key", key}), 1);
+  EXPECT_THAT(err, HasSubstr("is not sealed"));
+  EXPECT_EQ(ctl({"track", (folder.path / "b").string(), "--as-live", "--out", (folder.path / "replay").string()}), 0) << err;
+  int identical = 0, all = -1;
+  ASSERT_EQ(std::sscanf(err.c_str(), "%d of %d frames have the very bits", &identical, &all), 2) << err;
+  EXPECT_GE(all, 5) << err;
+  EXPECT_EQ(identical, all) << err;
+}
+
+TEST_F(RecordingProgram, AKeyThatIsNotThereMeansNoStart) {
+  Child refused({BOOTH_BINARY_DIR "/bin/boothd", "--set", "control.socket=" + socket, "--set", "privacy.seal_to=" + (folder.path / "none.public").string()},
+                folder.path / "refused");
+  EXPECT_EQ(refused.wait(), 78);
+  EXPECT_THAT(refused.err(), HasSubstr("none.public: the key cannot be read"));
 }
 
 TEST_F(RecordingProgram, DepthIsRefusedUnlessConfiguredAndNothingIsWritten) {

@@ -1,6 +1,7 @@
 // Whole sessions with simulated cameras and a fitter that sees what it is told: states, files, alarms, answers to garbage.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/mount.h>
 
 #include <nlohmann/json.hpp>
 
@@ -120,6 +121,48 @@ TEST_F(SessionTest, AnUnwritableFolderMeansLiveOnly) {
   EXPECT_THAT(controller->status().alarm, HasSubstr("session.directory"));
   controller->request(SessionEvent::stop, "test");
   EXPECT_TRUE(reaches(SessionState::idle));
+}
+
+/// A file system in memory, gone after the test.
+struct MountedDisk {
+  explicit MountedDisk(std::filesystem::path p) : path(std::move(p)) {
+    std::filesystem::create_directory(path);
+    mounted = ::mount("booth-test", path.c_str(), "tmpfs", 0, "size=64m") == 0;
+  }
+  ~MountedDisk() {
+    if (mounted) ::umount2(path.c_str(), MNT_DETACH);
+  }
+  MountedDisk(const MountedDisk&) = delete;
+  bool remount(bool read_only) const { return ::mount("booth-test", path.c_str(), "tmpfs", MS_REMOUNT | (read_only ? MS_RDONLY : 0), "size=64m") == 0; }
+  std::filesystem::path path;
+  bool mounted = false;
+};
+
+TEST_F(SessionTest, AReadOnlyDiskMeansLiveOnlyUntilItCanBeWrittenAgain) {
+  const MountedDisk disk(folder.path / "disk");
+  if (!disk.mounted) GTEST_SKIP() << "skipped: no file system can be mounted here (root is needed)";
+  build(disk.path / "sessions");
+  const auto session = [&] {
+    EXPECT_TRUE(controller->request(SessionEvent::start, "test").accepted);
+    EXPECT_TRUE(reaches(SessionState::tracking));
+    const std::string alarm = controller->status().alarm;
+    controller->request(SessionEvent::stop, "test");
+    EXPECT_TRUE(reaches(SessionState::idle));
+    return alarm;
+  };
+  EXPECT_EQ(session(), "");
+  const std::filesystem::path saved = controller->status().session_folder;
+  ASSERT_TRUE(disk.remount(true));
+  const std::string alarm = session();
+  EXPECT_THAT(alarm, HasSubstr("this session is live only: "));
+  EXPECT_THAT(alarm, HasSubstr("Read-only file system"));
+  EXPECT_EQ(controller->status().alarm, alarm) << "until a session is saved again";
+  ASSERT_TRUE(disk.remount(false));
+  EXPECT_EQ(session(), "");
+  EXPECT_EQ(session_json()["result"], "complete");
+  EXPECT_EQ(json::parse(read_text(saved / "session.json"))["result"], "complete") << "the one before is untouched";
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(disk.path / "sessions"), {}), 2);
+  controller->shutdown("test");
 }
 
 TEST_F(SessionTest, ARecordingThatEndsEndsTheSession) {

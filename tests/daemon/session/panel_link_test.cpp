@@ -170,6 +170,18 @@ TEST_F(PanelLinkTest, WallAndKeyboardAreOneQueue) {
   EXPECT_EQ(session_json()["reason"], "stop");
 }
 
+TEST_F(PanelLinkTest, ALongPressIsAnsweredAndChangesNothing) {
+  build();
+  panel.press(TriggerKind::calibrate);
+  EXPECT_TRUE(eventually([&] { return panel.played() == std::vector{hal::Sound::refused}; }));
+  EXPECT_EQ(controller->request(SessionEvent::calibrate, "test").text, "calibration is not available in this version");
+  EXPECT_EQ(controller->state(), SessionState::idle);
+  panel.press(TriggerKind::toggle);
+  ASSERT_TRUE(reaches(SessionState::tracking));
+  EXPECT_THAT(controller->request(SessionEvent::calibrate, "test").text, HasSubstr("end the session first"));
+  EXPECT_EQ(controller->state(), SessionState::tracking);
+}
+
 TEST_F(PanelLinkTest, AnEmergencyStopEndsAndLatchesAndShows) {
   build();
   panel.press(TriggerKind::toggle);

@@ -27,6 +27,7 @@ TEST(SessionTable, SaysTheSameAsThisOne) {
       {E::person_lost, "i s s s f c"},          {E::person_found, "i e t t f c"},       {E::search_over, "i e t f- f c"},
       {E::session_over, "i f- f- f- f c"},      {E::sources_ended, "i f- f- f- f i"},   {E::files_written, "i e t s i c"},
       {E::countdown_over, "i e t s f e+"},      {E::estimate_over, "i f- t s f c"},     {E::pause_over, "i f- f- f- f c"},
+      {E::calibrate, "i! e! t! s! f! c!"},
   };
   ASSERT_EQ(std::size(rows), static_cast<std::size_t>(kSessionEvents));
   for (const auto& [event, expected] : rows) {

@@ -1,0 +1,109 @@
+// boothctl decrypt and key: what the holder of the private key does, on whatever machine.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+
+#include "daemon/ctl/find_session.hpp"
+#include "daemon/ctl/verbs.hpp"
+#include "daemon/drivers_factory.recorder.hpp"
+#include "daemon/io/file_bytes.hpp"
+#include "daemon/io/model_file.hpp"
+#include "daemon/record/decrypt.hpp"
+#include "daemon/seal/sealed_file.hpp"
+
+namespace booth::daemon {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint64_t kMostKeyFile = 4096;
+
+struct Options {
+  std::string what, out, config, directory, models, key;
+};
+
+SessionModels load_models(const std::string& named) {
+  const fs::path directory = find_models(named);
+  return {std::make_shared<const fit::BodyModel>(load_body_model(directory / "men.npz")),
+          std::make_shared<const fit::BodyModel>(load_body_model(directory / "women.npz"))};
+}
+
+/// Makes a bag; complaints are said, and the bag holds what came before the damage.
+std::vector<std::string> decrypt_recording(const fs::path& folder, const PrivateKey& key, const fs::path& out) {
+  const auto seal = open_seal(folder, key);
+  SealedReader in(folder, kSealedRecordingName, *seal);
+  std::vector<std::string> complaints;
+  const std::string torn = unpack_recording([&](std::string& piece) { return in.next(piece); }, (folder / kSealedRecordingName).string() + kSealedEnding, out);
+  if (!in.complaint().empty()) complaints.push_back(in.complaint());
+  if (!torn.empty() && complaints.empty()) complaints.push_back(torn);
+  if (!complaints.empty()) std::ofstream(out / "interrupted.txt") << complaints.front() << "\n";
+  return complaints;
+}
+
+void decrypt(const Options& options) {
+  const fs::path folder = find_session(options.what, options.directory, options.config);
+  if (!is_sealed(folder)) throw VerbFailure(fmt::format("{}: is not sealed; it can be read as it is", folder.string()));
+  const PrivateKey key = find_private_key(options.key);
+  const fs::path out = options.out.empty() ? fs::path(folder.filename().string() + "-open") : fs::path(options.out);
+  std::vector<std::string> complaints;
+  if (is_sealed_recording(folder))
+    complaints = decrypt_recording(folder, key, out);
+  else
+    complaints = decrypt_session(folder, key, out, [&] { return load_models(options.models); }).complaints;
+  std::cout << out.string() << "\n";
+  if (complaints.empty()) return;
+  for (std::size_t i = 0; i + 1 < complaints.size(); ++i) std::cerr << "boothctl: " << complaints[i] << "\n";
+  throw VerbFailure(complaints.back());
+}
+
+void new_key(const std::string& base) {
+  const PrivateKey key = write_new_keys(base);
+  std::cout << fmt::format("key {}\n{}.private  opens; keep it away from the booth, and keep a copy\n{}.public   goes to the booth; privacy.seal_to names it\n",
+                           key.public_half.id(), base, base);
+}
+
+void show_key(const std::string& file) {
+  std::error_code ignored;
+  if (fs::is_directory(file, ignored)) {
+    const std::string to = Seal::recipient_of(read_file_bytes(fs::path(file) / kSealKeyName, kMostKeyFile));
+    if (to.empty()) throw VerbFailure(fmt::format("{}/{}: is no key of a sealed folder, or it is damaged", file, kSealKeyName));
+    std::cout << fmt::format("{}  sealed to key {}\n", file, to);
+    return;
+  }
+  const std::string text = read_file_bytes(file, kMostKeyFile);
+  const bool secret = text.find("\nboothd-private-1 ") != std::string::npos || text.starts_with("boothd-private-1 ");
+  std::cout << fmt::format("{}  {} half of key {}\n", file, secret ? "private" : "public",
+                           secret ? read_private_key(file).public_half.id() : parse_public_key(text, file).id());
+}
+
+}  // namespace
+
+void add_decrypt_verbs(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  CLI::App* verb = app.add_subcommand("decrypt", "Open a sealed session or recording with its private key");
+  verb->add_option("what", options->what, "The session's id, or the folder of a session or recording")->required();
+  verb->add_option("--out", options->out, "Folder to make; without it NAME-open here");
+  verb->add_option("--key", options->key, "Private key; without it $CREDENTIALS_DIRECTORY/boothd-private-key");
+  verb->add_option("--sessions", options->directory, "Folder of the sessions; without it the configuration's session.directory");
+  verb->add_option("--config", options->config, "Configuration file that says where sessions are");
+  verb->add_option("--models", options->models, "Folder of the model files, with which interrupted sessions are finished");
+  verb->callback([options] { decrypt(*options); });
+
+  CLI::App* key = app.add_subcommand("key", "Keys to which sessions and recordings are sealed");
+  key->require_subcommand(1);
+  auto name = std::make_shared<std::string>();
+  CLI::App* make = key->add_subcommand("new", "Make a pair: NAME.private opens, NAME.public is for the booth");
+  make->add_option("name", *name, "Path without ending")->required();
+  make->callback([name] { new_key(*name); });
+  CLI::App* show = key->add_subcommand("show", "Say which key a file holds, or a folder is sealed to");
+  show->add_option("file", *name, "A key file or a sealed folder")->required();
+  show->callback([name] { show_key(*name); });
+}
+
+}  // namespace booth::daemon
