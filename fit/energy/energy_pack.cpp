@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 
@@ -53,6 +54,42 @@ Moved moved_by(const BodyModelData& d, int vertex) {
   return m;
 }
 
+/// Without the parts whose weight is below kLeastWeight.
+void leave_out_small(Moved& m) {
+  Moved kept;
+  float sum = 0;
+  for (int k = 0; k < m.count; ++k) {
+    const auto from = static_cast<std::size_t>(k), to = static_cast<std::size_t>(kept.count);
+    if (m.weight[from] < kLeastWeight) continue;
+    kept.part[to] = m.part[from], sum += kept.weight[to] = m.weight[from];
+    ++kept.count;
+  }
+  for (float& w : kept.weight) w /= sum;
+  m = kept;
+}
+
+/// Runs of vertices within a batch that the same parts move, and the weights of all but the first part.
+void pack_segments(const std::vector<int>& vertex, const std::vector<Moved>& moved, std::vector<float>& weight, std::vector<Segment>& segment,
+                   std::vector<std::int32_t>& start) {
+  weight.assign(vertex.size() * (kVertexParts - 1), 0);
+  for (std::size_t i = 0; i < vertex.size(); ++i) {
+    const Moved& m = moved[static_cast<std::size_t>(vertex[i])];
+    const std::size_t batch = i / kBatch, lane = i % kBatch;
+    if (lane == 0) start.push_back(static_cast<std::int32_t>(segment.size()));
+    for (int k = 1; k < m.count; ++k)
+      weight[(batch * (kVertexParts - 1) + static_cast<std::size_t>(k) - 1) * kBatch + lane] = m.weight[static_cast<std::size_t>(k)];
+    const bool goes_on = lane > 0 && segment.back().count == m.count &&
+                         std::equal(m.part.begin(), m.part.begin() + m.count, segment.back().part, [](int a, std::uint8_t b) { return a == b; });
+    if (!goes_on) {
+      Segment s{static_cast<std::uint8_t>(lane), 0, static_cast<std::uint8_t>(m.count), {}};
+      for (int k = 0; k < kVertexParts; ++k) s.part[k] = static_cast<std::uint8_t>(m.part[static_cast<std::size_t>(k)]);
+      segment.push_back(s);
+    }
+    segment.back().end = static_cast<std::uint8_t>(lane + 1);
+  }
+  start.push_back(static_cast<std::int32_t>(segment.size()));
+}
+
 std::uint32_t halves(int low, int high) { return (static_cast<std::uint32_t>(low) & 0xFFFFu) | static_cast<std::uint32_t>(high) << 16; }
 
 }  // namespace
@@ -88,23 +125,9 @@ void EnergyPack::order_vertices(const BodyModel& model, int count) {
   };
   std::sort(vertex_.begin(), vertex_.end(), [&](int a, int b) { return key(a) < key(b); });
 
-  weight_.assign(vertex_.size() * (kVertexParts - 1), 0);
-  for (std::size_t i = 0; i < vertex_.size(); ++i) {
-    const Moved& m = moved[static_cast<std::size_t>(vertex_[i])];
-    const std::size_t batch = i / kBatch, lane = i % kBatch;
-    if (lane == 0) segment_start_.push_back(static_cast<std::int32_t>(segment_.size()));
-    for (int k = 1; k < m.count; ++k)
-      weight_[(batch * (kVertexParts - 1) + static_cast<std::size_t>(k) - 1) * kBatch + lane] = m.weight[static_cast<std::size_t>(k)];
-    const bool goes_on = lane > 0 && segment_.back().count == m.count &&
-                         std::equal(m.part.begin(), m.part.begin() + m.count, segment_.back().part, [](int a, std::uint8_t b) { return a == b; });
-    if (!goes_on) {
-      Segment s{static_cast<std::uint8_t>(lane), 0, static_cast<std::uint8_t>(m.count), {}};
-      for (int k = 0; k < kVertexParts; ++k) s.part[k] = static_cast<std::uint8_t>(m.part[static_cast<std::size_t>(k)]);
-      segment_.push_back(s);
-    }
-    segment_.back().end = static_cast<std::uint8_t>(lane + 1);
-  }
-  segment_start_.push_back(static_cast<std::int32_t>(segment_.size()));
+  pack_segments(vertex_, moved, weight_, segment_, segment_start_);
+  for (Moved& m : moved) leave_out_small(m);
+  pack_segments(vertex_, moved, batch_weight_, batch_segment_, batch_segment_start_);
 }
 
 void EnergyPack::pack_shapes(const BodyModel& model) {
@@ -163,6 +186,75 @@ void EnergyPack::pack_shapes(const BodyModel& model) {
       };
       for (int p = 0; p < pairs; ++p) at[(1 + p) * 6 * kBatch] = static_cast<std::int32_t>(halves(direction(2 * p), direction(2 * p + 1)));
     }
+  pack_batches(part);
+}
+
+void EnergyPack::pack_batches(const std::vector<Eigen::MatrixXd>& part) {
+  BatchView& b = batch_view_;
+  const int wide = std::min(kWideShapes, shape_count_), on_normals = std::min(kNormalShapes, shape_count_);
+  b.pairs = (wide + 1) / 2, b.quads = (shape_count_ - wide + 3) / 4, b.normal_quads = (on_normals + 3) / 4;
+  const auto change = [&](int k) -> const Eigen::MatrixXd& { return part[static_cast<std::size_t>(1 + k)]; };
+
+  // The coefficients that turn the normals most, by rising index; places that are left over name none.
+  std::vector<int> order(static_cast<std::size_t>(shape_count_));
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](int a, int c) { return change(a).bottomRows<3>().squaredNorm() > change(c).bottomRows<3>().squaredNorm(); });
+  std::sort(order.begin(), order.begin() + on_normals);
+  std::fill_n(b.normal_shape, kNormalShapes, std::uint8_t{255});
+  for (int n = 0; n < on_normals; ++n) b.normal_shape[n] = static_cast<std::uint8_t>(order[static_cast<std::size_t>(n)]);
+
+  // Units: a direction in 16 bits and the sum of the wide ones in 31, as in pack_shapes(); bytes are 2^shift of the wide sum's, over kByteSteps.
+  double largest = 1e-12, most = 1e-12, byte = 1e-12, normal_byte = 1e-12;
+  for (int i = 0; i < vertices(); ++i)
+    for (int c = 0; c < 3; ++c) {
+      double sum = std::abs(part[0](c, i));
+      for (int k = wide; k < shape_count_; ++k)
+        byte = std::max(byte, std::abs(change(k)(c, i))), sum += kByteMiddle / static_cast<double>(kByteSteps) * std::abs(change(k)(c, i));
+      sum /= static_cast<double>(kShapeLimit / kShapeSteps);
+      for (int k = 0; k < wide; ++k) largest = std::max(largest, std::abs(change(k)(c, i))), sum += std::abs(change(k)(c, i));
+      most = std::max(most, sum);
+      for (int n = 0; n < on_normals; ++n) normal_byte = std::max(normal_byte, std::abs(change(b.normal_shape[n])(3 + c, i)));
+    }
+  const double unit = std::max(largest / 32766, most / 65000) / static_cast<double>(kShapeSteps);
+  while (byte > 127 * unit * std::exp2(b.shift) * static_cast<double>(kByteSteps)) ++b.shift;
+  const double summed_unit = unit * std::exp2(b.shift), byte_unit = summed_unit * static_cast<double>(kByteSteps), normal_unit = normal_byte / 127;
+  b.position_unit = static_cast<float>(summed_unit);
+
+  const int words = b.batch_words();
+  batch_.assign(static_cast<std::size_t>(words) * static_cast<std::size_t>(vertices() / kBatch), 0);
+  for (int i = 0; i < vertices(); ++i)
+    for (int c = 0; c < 3; ++c) {
+      const auto at = [&](int row) -> std::int32_t& {
+        return batch_[static_cast<std::size_t>(i / kBatch) * static_cast<std::size_t>(words) + static_cast<std::size_t>(row * kBatch + i % kBatch)];
+      };
+      const auto whole = [](double x) { return static_cast<int>(std::lround(x)); };
+      const auto put = [&](int row, int lane, int value) {
+        at(row) = static_cast<std::int32_t>(static_cast<std::uint32_t>(at(row)) | (static_cast<std::uint32_t>(value) & 0xFFu) << (8 * lane));
+      };
+      const auto wide_change = [&](int k) { return k < wide ? whole(change(k)(c, i) / (unit * static_cast<double>(kShapeSteps))) : 0; };
+      for (int p = 0; p < b.pairs; ++p) at(6 + 3 * p + c) = static_cast<std::int32_t>(halves(wide_change(2 * p), wide_change(2 * p + 1)));
+      double mean = part[0](c, i) / unit, normal = part[0](3 + c, i) / normal_unit * static_cast<double>(kByteSteps);
+      for (int k = wide; k < shape_count_; ++k) {
+        const int value = whole(change(k)(c, i) / byte_unit);
+        put(6 + 3 * (b.pairs + (k - wide) / 4) + c, (k - wide) % 4, value);
+        mean -= kByteMiddle * value * std::exp2(b.shift);
+      }
+      for (int n = 0; n < on_normals; ++n) {
+        const int value = whole(change(b.normal_shape[n])(3 + c, i) / normal_unit);
+        put(6 + 3 * (b.pairs + b.quads + n / 4) + c, n % 4, value);
+        normal -= kByteMiddle * value;
+      }
+      at(c) = static_cast<std::int32_t>(std::llround(mean) + (std::int64_t{1} << b.shift) / 2);  // the shift rounds down
+      at(3 + c) = static_cast<std::int32_t>(std::llround(normal));
+    }
+}
+
+BatchView EnergyPack::batch_view() const {
+  BatchView b = batch_view_;
+  b.model = view();
+  b.weight = batch_weight_.data(), b.segment = batch_segment_.data(), b.segment_start = batch_segment_start_.data();
+  b.word = batch_.data();
+  return b;
 }
 
 void EnergyPack::pack_chain(const BodyModel& model) {
@@ -207,7 +299,8 @@ EnergyView EnergyPack::view() const {
 }
 
 std::size_t EnergyPack::memory_bytes() const {
-  return shape_.size() * sizeof(std::int32_t) + (weight_.size() + joint_.size() + pose_mean_.size() + pose_component_.size()) * sizeof(float) +
+  return (shape_.size() + batch_.size() + batch_segment_start_.size()) * sizeof(std::int32_t) + batch_weight_.size() * sizeof(float) +
+         batch_segment_.size() * sizeof(Segment) + (weight_.size() + joint_.size() + pose_mean_.size() + pose_component_.size()) * sizeof(float) +
          segment_.size() * sizeof(Segment) + segment_start_.size() * sizeof(std::int32_t) + part_.size() * sizeof(PartStep) + vertex_.size() * sizeof(int);
 }
 

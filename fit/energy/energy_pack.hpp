@@ -1,11 +1,13 @@
 // Owns the packed arrays behind an EnergyView: made once from a body model, a pose prior and the number of vertices to compare.
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <vector>
 
 #include "fit/body/body_model.hpp"
-#include "fit/energy/particle_energy.hpp"
+#include "fit/energy/batch_energy.hpp"
+#include "fit/energy/energy_view.hpp"
 #include "fit/energy/terms.hpp"
 #include "fit/prior/pose_prior.hpp"
 
@@ -25,6 +27,7 @@ class EnergyPack {
 
   /// Valid until the pack is moved or destroyed.
   EnergyView view() const;
+  BatchView batch_view() const;
   int dimensions() const { return kDofs + shape_count_; }
   int shape_count() const { return shape_count_; }
   int vertices() const { return static_cast<int>(vertex_.size()); }
@@ -45,6 +48,7 @@ class EnergyPack {
  private:
   void order_vertices(const BodyModel& model, int count);
   void pack_shapes(const BodyModel& model);
+  void pack_batches(const std::vector<Eigen::MatrixXd>& part);
   void pack_chain(const BodyModel& model);
 
   PaperWeights weights_;
@@ -57,6 +61,10 @@ class EnergyPack {
   std::vector<std::int32_t> segment_start_;
   std::vector<PartStep> part_;
   std::vector<float> joint_, pose_mean_, pose_component_;
+  BatchView batch_view_;  ///< without pointers
+  std::vector<std::int32_t> batch_, batch_segment_start_;
+  std::vector<float> batch_weight_;
+  std::vector<Segment> batch_segment_;
 };
 
 /// The part that moves a bone.

@@ -3,7 +3,6 @@
 
 #include <cstdint>
 
-#include "fit/cloud/field_view.hpp"
 #include "fit/host_device.hpp"
 #include "fit/swarm/lanes.hpp"
 

@@ -1,8 +1,11 @@
-// The paper's energy (eq. 4-13) of one particle over packed model data: single-source, for the CPU's kernels, the scalar reference and a device.
+// The paper's energy (eq. 4-13) of one particle over packed model data: single-source, for the scalar reference, the vector kernels' chain and a device.
 #pragma once
 
 #include <cstdint>
 
+#include "fit/cloud/cell_view.hpp"
+#include "fit/cloud/field_view.hpp"
+#include "fit/energy/energy_view.hpp"
 #include "fit/energy/pose_steps.hpp"
 #include "fit/host_device.hpp"
 #include "fit/swarm/lanes.hpp"
@@ -12,8 +15,8 @@ namespace booth::fit {
 /// The rigid transforms of a particle's parts, [part][3 rows of 4], and what the priors cost (unweighted; terms.point and .plane are left alone).
 /// `particle` has one value every `stride` floats: q, then beta. `transform` takes resting positions in FIXED-POINT UNITS to cells of the field: its
 /// three columns are scaled by position_unit / cell_size, its fourth is in cells from the field's origin.
-template <class L, class Terms>
-BOOTH_HOST_DEVICE void pose_particle(const EnergyView& m, const FieldView& field, const float* particle, std::int64_t stride, typename L::F (*transform)[12],
+template <class L, class Field, class Terms>
+BOOTH_HOST_DEVICE void pose_particle(const EnergyView& m, const Field& field, const float* particle, std::int64_t stride, typename L::F (*transform)[12],
                                      Terms& terms) {
   using F = typename L::F;
   F joint[kPartJoints * 3];
@@ -85,8 +88,8 @@ BOOTH_HOST_DEVICE void pose_vertex(const typename L::F (&t)[12], const typename 
 
 /// One vertex's shares of eq. 5 and 6, in cells: its distance from the nearest cloud point and that distance along the model's normal.
 /// `v` is the difference from the nearest point and the normal.
-template <class L, class Mask>
-BOOTH_HOST_DEVICE void vertex_distances(const FieldView& field, const typename L::F (&v)[6], Mask outside, typename L::F& point, typename L::F& plane) {
+template <class L, class Field, class Mask>
+BOOTH_HOST_DEVICE void vertex_distances(const Field& field, const typename L::F (&v)[6], Mask outside, typename L::F& point, typename L::F& plane) {
   using F = typename L::F;
   const F along = (v[3] * v[0] + v[4] * v[1]) + v[5] * v[2];
   const F length2 = (v[3] * v[3] + v[4] * v[4]) + v[5] * v[5] + 1e-12f;
@@ -96,37 +99,24 @@ BOOTH_HOST_DEVICE void vertex_distances(const FieldView& field, const typename L
 }
 
 /// Data terms of a batch in cells: its vertices' shares summed in their order.
-template <class L, int kPairs>
-BOOTH_HOST_DEVICE void batch_distances(const EnergyView& m, const FieldView& field, int batch, const typename L::F (*transform)[12], const typename L::I* pair,
+template <class L, int kPairs, class Field>
+BOOTH_HOST_DEVICE void batch_distances(const EnergyView& m, const Field& field, int batch, const typename L::F (*transform)[12], const typename L::I* pair,
                                        typename L::F& point, typename L::F& plane) {
   using F = typename L::F;
   const std::int32_t* shape = m.shape + static_cast<std::int64_t>(batch) * m.batch_words();
   const float* weight = m.weight + static_cast<std::int64_t>(batch) * ((kVertexParts - 1) * kBatch);
-  // Step by step for the whole batch: each step's chains of dependent operations are short, so that a processor finds enough to do at once, and no load
-  // waits for a store that was just made.
-  F posed[kBatch][6];
-  std::int32_t at[kBatch][L::kCount], local[kBatch][L::kCount];
+  point = plane = L::splat(0.0f);
   for (int s = m.segment_start[batch]; s < m.segment_start[batch + 1]; ++s) {
     const Segment& segment = m.segment[s];
     for (int i = segment.begin; i < segment.end; ++i) {
-      F rest[6], blended[12];
+      F rest[6], blended[12], posed[6], a, b;
       rest_vertex<L, kPairs>(shape + i, pair, m.pairs, rest);
       blend_transforms<L>(transform, segment, weight + i, blended);
-      pose_vertex<L>(blended, rest, posed[i]);
+      pose_vertex<L>(blended, rest, posed);
+      const auto outside = field_difference<L>(field, posed[0], posed[1], posed[2]);
+      vertex_distances<L>(field, posed, outside, a, b);
+      point = point + a, plane = plane + b;
     }
-  }
-  for (int i = 0; i < kBatch; ++i) {
-    typename L::I brick, cell;
-    locate<L>(field, posed[i][0], posed[i][1], posed[i][2], brick, cell);
-    L::store(at[i], brick), L::store(local[i], cell);
-  }
-  for (int i = 0; i < kBatch; ++i) L::store(at[i], cell_of<L>(L::gather(field.brick, at[i]), L::load(local[i])));
-  point = plane = L::splat(0.0f);
-  for (int i = 0; i < kBatch; ++i) {
-    F a, b;
-    const auto outside = subtract_nearest<L>(field, L::gather(field.cell, at[i]), posed[i][0], posed[i][1], posed[i][2]);
-    vertex_distances<L>(field, posed[i], outside, a, b);
-    point = point + a, plane = plane + b;
   }
 }
 
@@ -143,8 +133,8 @@ struct LaneTerms {
 };
 
 /// The whole energy of a particle (one a lane). The reference order of summation: a batch's vertices, then the batches.
-template <class L, int kPairs>
-BOOTH_HOST_DEVICE void particle_energy(const EnergyView& m, const FieldView& field, const float* particle, std::int64_t stride, LaneTerms<L>& terms) {
+template <class L, int kPairs, class Field>
+BOOTH_HOST_DEVICE void particle_energy(const EnergyView& m, const Field& field, const float* particle, std::int64_t stride, LaneTerms<L>& terms) {
   typename L::F transform[kParts][12];
   typename L::I pair[kParticleShape / 2];
   pose_particle<L>(m, field, particle, stride, transform, terms);

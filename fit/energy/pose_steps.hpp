@@ -128,8 +128,8 @@ BOOTH_HOST_DEVICE void place_part(const EnergyView& m, int p, const typename L::
 }
 
 /// A part's transform from metres to what the vertices take: fixed-point resting positions in, cells of the field out.
-template <class L>
-BOOTH_HOST_DEVICE void to_cells(const EnergyView& m, const FieldView& field, typename L::F* transform) {
+template <class L, class Field>
+BOOTH_HOST_DEVICE void to_cells(const EnergyView& m, const Field& field, typename L::F* transform) {
   const float scale = m.position_unit * field.inverse_cell;
   for (int row = 0; row < 3; ++row) {
     typename L::F* out = transform + 4 * row;

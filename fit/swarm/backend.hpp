@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/cloud/brick_field.hpp"
+#include "fit/cloud/cell_field.hpp"
 #include "fit/cloud/observation.hpp"
 #include "fit/energy/energy_pack.hpp"
 #include "fit/parallel.hpp"
@@ -20,7 +20,7 @@ namespace booth::fit {
 struct SwarmSizes {
   SwarmSettings swarm{};
   EnergyPackSettings energy{};
-  BrickFieldSettings field{};
+  FieldSettings field{};
 };
 
 /// What a back-end takes outside the process's ordinary memory.
@@ -37,8 +37,8 @@ struct SwarmResult {
 };
 
 /// A global-best swarm over the paper's energy. One back-end serves several models (men and women) over the same cloud. One thread calls at a time.
-/// The result is a function of the cloud, the model, the centres, the deviations and the key: on the CPU the same bits for every
-/// number of threads and every instruction set; on a graphics processor the same bits on the same device, within a tested bound of the CPU's.
+/// The result is a function of the cloud, the model, the centres, the deviations and the key: on the CPU the same bits for every number of threads, with
+/// AVX2 and with AVX-512, and within a tested bound of those elsewhere; on a graphics processor the same bits on the same device, likewise within a bound.
 /// After construction nothing allocates. False from set_cloud(), minimise() or evaluate() means that the back-end is lost (never the CPU): its results are
 /// void, and somebody else must take over.
 class SwarmBackend {

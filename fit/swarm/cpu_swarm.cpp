@@ -39,6 +39,8 @@ class CpuSwarm final : public SwarmBackend {
       dimensions = std::max(dimensions, packs_.back().dimensions());
     }
     groups_ = (settings_.particles + kGroup - 1) / kGroup;
+    // Two threads should have as much to do: an even number.
+    blocks_ = std::min(groups_, ((groups_ + kMostGroups - 1) / kMostGroups + 1) / 2 * 2);
     const auto floats = static_cast<std::size_t>(groups_) * static_cast<std::size_t>(dimensions * kGroup);
     for (auto* v : {&position_, &velocity_, &best_}) v->resize(floats);
     best_cost_.resize(static_cast<std::size_t>(groups_ * kGroup));
@@ -56,8 +58,8 @@ class CpuSwarm final : public SwarmBackend {
   bool minimise(int model, std::span<const float> centres, std::span<const float> deviation, const RandomKey& key, SwarmResult& out) override {
     const EnergyPack& pack = packs_[static_cast<std::size_t>(model)];
     const int d = pack.dimensions();
-    SwarmWork work{pack.view(),      field_.view(),    {},           centres.data(),   deviation.data(), global_.data(),
-                   position_.data(), velocity_.data(), best_.data(), best_cost_.data()};
+    SwarmWork work{pack.batch_view(), field_.view(),    {},           centres.data(),   deviation.data(), global_.data(),
+                   position_.data(),  velocity_.data(), best_.data(), best_cost_.data()};
     work.step.key = key;
     work.step.starts = static_cast<int>(centres.size()) / d;
     work.step.cognitive = settings_.cognitive, work.step.social = settings_.social;
@@ -65,7 +67,10 @@ class CpuSwarm final : public SwarmBackend {
     for (int iteration = 0; iteration < settings_.iterations; ++iteration) {
       work.step.iteration = iteration;
       work.step.inertia = inertia_of(iteration, settings_.iterations, settings_.inertia_first, settings_.inertia_last);
-      pool_.run(groups_, [&](int group) { kernel_.run(work, group); });
+      pool_.run(blocks_, [&](int block) {
+        const Range r = block_range(groups_, blocks_, block);
+        kernel_.run(work, r.begin, r.end);
+      });
       int winner = -1;
       for (int p = 0; p < settings_.particles; ++p)
         if (best_cost_[static_cast<std::size_t>(p)] < least) least = best_cost_[static_cast<std::size_t>(p)], winner = p;
@@ -101,9 +106,9 @@ class CpuSwarm final : public SwarmBackend {
   WorkerPool& pool_;
   const SwarmKernel& kernel_;
   std::string name_;
-  BrickField field_;
+  CellField field_;
   std::vector<EnergyPack> packs_;
-  int groups_ = 0;
+  int groups_ = 0, blocks_ = 0;
   std::vector<float> position_, velocity_, best_, best_cost_, global_, history_;
 };
 

@@ -9,13 +9,13 @@ SwarmKernelFunction run_baseline, run_avx2, run_avx512;
 
 namespace {
 
-void run_scalar(const SwarmWork& work, int group) { run_group<ScalarLanes>(work, group); }
+void run_scalar(const SwarmWork& work, int first, int last) { run_reference(work, first, last); }
 
 constexpr SwarmKernel kKernels[] = {
     {"scalar", run_scalar, [] { return true; }},
     {"baseline", run_baseline, [] { return true; }},  // what every processor of the architecture has: SSE2, NEON
 #if defined(__x86_64__)
-    {"avx2", run_avx2, [] { return __builtin_cpu_supports("avx2") != 0; }},
+    {"avx2", run_avx2, [] { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }},
     {"avx512", run_avx512,
      [] {
        return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&

@@ -11,7 +11,8 @@ namespace booth::fit {
 
 /// The functions of fit/energy/particle_energy.hpp, fit/cloud/field_view.hpp and fit/swarm/move.hpp are templates over such a set: one lane here (and on a
 /// graphics processor), 4 to 16 in the CPU's kernels. Every operation is exact or rounds as IEEE 754 says, none crosses lanes, and fused multiply-add
-/// is off: whatever the set, a lane gets the same bits. C++17 without the standard library's templates, for the device's compiler.
+/// is off but in multiply_add() of the vectors: whatever the set, a lane gets the same bits of all functions that do not use that. C++17 without the standard
+/// library's templates, for the device's compiler.
 struct ScalarLanes {
   using F = float;
   using I = std::int32_t;
@@ -39,6 +40,12 @@ struct ScalarLanes {
   BOOTH_HOST_DEVICE static F to_float(I i) { return static_cast<F>(i); }
   /// Towards zero; the value must fit.
   BOOTH_HOST_DEVICE static I truncate(F x) { return static_cast<I>(x); }
+  /// Nearest whole number, ties to even, of |x| < 2^22.
+  BOOTH_HOST_DEVICE static F nearest_whole(F x) { return (x + 12582912.0f) - 12582912.0f; }
+  /// To [-limit, limit]; what is not a number becomes one or the other.
+  BOOTH_HOST_DEVICE static F clamp(F x, float limit) { return smaller(larger(x, -limit), limit); }
+  /// a * b + c; rounded once where the kernel's processor multiplies and adds in one instruction, else twice.
+  BOOTH_HOST_DEVICE static F multiply_add(F a, F b, F c) { return a * b + c; }
   BOOTH_HOST_DEVICE static F root(F x) { return sqrtf(x); }
   BOOTH_HOST_DEVICE static F absolute(F x) { return fabsf(x); }
   /// sum + low half of a * low half of b + high half of a * high half of b; halves are signed 16 bits, the sum wraps.

@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
-#include "fit/cloud/field_view.hpp"
-#include "fit/energy/particle_energy.hpp"
+#include "fit/cloud/cell_view.hpp"
+#include "fit/energy/batch_energy.hpp"
 #include "fit/swarm/move.hpp"
 
 namespace booth::fit {
@@ -12,17 +12,21 @@ namespace booth::fit {
 inline constexpr int kGroup = 16;  ///< particles whose data lies side by side: [group][dimension][particle]
 
 /// Plain pointers only: a function template of the standard library that were compiled for one processor could be linked into the code for another.
-struct SwarmWork {
-  EnergyView energy;
-  FieldView field;
+template <class Field>
+struct SwarmWorkOver {
+  BatchView energy;
+  Field field;
   MoveStep step;
   const float *centres, *deviation, *global;  ///< whole vectors
   float *position, *velocity, *best;          ///< [group][dimension][kGroup]
   float* best_cost;                           ///< [group][kGroup]
 };
 
-/// Moves (iteration 0: places) the group's particles, evaluates them and keeps each one's best.
-using SwarmKernelFunction = void(const SwarmWork& work, int group);
+using SwarmWork = SwarmWorkOver<CellView>;
+
+/// Moves (iteration 0: places) the particles of the groups [first, last), evaluates them and keeps each one's best; at most kMostGroups groups.
+using SwarmKernelFunction = void(const SwarmWork& work, int first, int last);
+inline constexpr int kMostGroups = kTogether / kGroup;
 
 struct SwarmKernel {
   const char* name;

@@ -14,7 +14,7 @@
 #error "BOOTH_SWARM_LANES must be the number of lanes: 4, 8 or 16"
 #elif BOOTH_SWARM_LANES == 16 && defined(__AVX512F__) && defined(__AVX512BW__)
 #define BOOTH_LANES_AVX512
-#elif BOOTH_SWARM_LANES == 8 && defined(__AVX2__)
+#elif BOOTH_SWARM_LANES == 8 && defined(__AVX2__) && defined(__FMA__)
 #define BOOTH_LANES_AVX2
 #elif BOOTH_SWARM_LANES == 4 && defined(__SSE2__)
 #define BOOTH_LANES_SSE2
@@ -63,6 +63,22 @@ struct VectorLanes {
   BOOTH_HOST_DEVICE static F unsigned_to_float(U x) { return to_float((I)x); }
   BOOTH_HOST_DEVICE static I truncate(F x) { return __builtin_convertvector(x, I); }
   BOOTH_HOST_DEVICE static F absolute(F x) { return (F)((I)x & 0x7FFFFFFF); }
+  BOOTH_HOST_DEVICE static F nearest_whole(F x) {
+#if defined(BOOTH_LANES_AVX512)
+    return (F)_mm512_roundscale_ps((__m512)x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC);
+#elif defined(BOOTH_LANES_AVX2)
+    return (F)_mm256_round_ps((__m256)x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC);
+#else
+    return (x + 12582912.0f) - 12582912.0f;
+#endif
+  }
+  BOOTH_HOST_DEVICE static F clamp(F x, float limit) {
+#if defined(BOOTH_LANES_AVX512)
+    return (F)_mm512_range_ps((__m512)x, _mm512_set1_ps(limit), 2);  // the lesser magnitude with the sign of x
+#else
+    return smaller(larger(x, splat(-limit)), splat(limit));
+#endif
+  }
   BOOTH_HOST_DEVICE static F root(F x) {
 #if defined(BOOTH_LANES_AVX512)
     return (F)_mm512_sqrt_ps((__m512)x);
@@ -88,11 +104,43 @@ struct VectorLanes {
     return (I)((U)sum + (U)(((a << 16) >> 16) * ((b << 16) >> 16)) + (U)((a >> 16) * (b >> 16)));
 #endif
   }
+  /// sum + the four products of a's bytes (0 to 127) with b's (signed).
+  BOOTH_HOST_DEVICE static I quad_dot(I sum, I a, I b) {
+#if defined(BOOTH_LANES_AVX512)
+    return (I)_mm512_dpbusd_epi32((__m512i)sum, (__m512i)a, (__m512i)b);
+#elif defined(BOOTH_LANES_AVX2)
+    return (I)_mm256_add_epi32((__m256i)sum, _mm256_madd_epi16(_mm256_maddubs_epi16((__m256i)a, (__m256i)b), _mm256_set1_epi16(1)));
+#elif defined(BOOTH_LANES_SSE2)
+    const __m128i odd = _mm_madd_epi16(_mm_srli_epi16((__m128i)a, 8), _mm_srai_epi16((__m128i)b, 8));
+    const __m128i even = _mm_madd_epi16(_mm_and_si128((__m128i)a, _mm_set1_epi16(255)), _mm_srai_epi16(_mm_slli_epi16((__m128i)b, 8), 8));
+    return (I)_mm_add_epi32((__m128i)sum, _mm_add_epi32(odd, even));
+#else
+    sum += (a & 127) * ((b << 24) >> 24) + (a >> 8 & 127) * ((b << 16) >> 24);
+    return sum + (a >> 16 & 127) * ((b << 8) >> 24) + (a >> 24 & 127) * (b >> 24);
+#endif
+  }
+  /// a * b + c; rounded once where the kernel's processor multiplies and adds in one instruction, else twice.
+  BOOTH_HOST_DEVICE static F multiply_add(F a, F b, F c) {
+#if defined(BOOTH_LANES_AVX512)
+    return (F)_mm512_fmadd_ps((__m512)a, (__m512)b, (__m512)c);
+#elif defined(BOOTH_LANES_AVX2)
+    return (F)_mm256_fmadd_ps((__m256)a, (__m256)b, (__m256)c);
+#else
+    return a * b + c;
+#endif
+  }
   /// One load a lane: measured at two thirds of the gather instruction's time (docs/design/performance.md).
   BOOTH_HOST_DEVICE static I gather(const std::int32_t* table, const std::int32_t* at) {
 #if defined(BOOTH_LANES_AVX512) || defined(BOOTH_LANES_AVX2) || defined(BOOTH_LANES_SSE2)
+    // Two places a load.
+    const auto two = [&](int l) {
+      std::int64_t both;
+      memcpy(&both, at + l, sizeof both);
+      return both;
+    };
     const auto four = [&](int l) {
-      return _mm_setr_epi32(table[(std::uint32_t)at[l]], table[(std::uint32_t)at[l + 1]], table[(std::uint32_t)at[l + 2]], table[(std::uint32_t)at[l + 3]]);
+      const std::int64_t a = two(l), b = two(l + 2);
+      return _mm_setr_epi32(table[(std::int32_t)a], table[a >> 32], table[(std::int32_t)b], table[b >> 32]);
     };
 #endif
 #if defined(BOOTH_LANES_AVX512)

@@ -24,7 +24,7 @@ class DeviceSwarm : public SwarmBackend {
   virtual const EnergyView& energy(int model) const = 0;
 };
 
-/// All memory is taken, all programs are recorded here. The field is exact (BrickField's takes a point about as near as the nearest), so answers differ a
+/// All memory is taken, all programs are recorded here. The field is exact (CellField's takes a point about as near as the nearest), so answers differ a
 /// little from the CPU's; over the same field they are the same bits. Throws std::invalid_argument for settings that this back-end cannot do
 /// (more than 16 shape coefficients, 64 starts, 256 iterations), std::runtime_error with the driver's words where the device cannot be had.
 std::unique_ptr<DeviceSwarm> make_device_swarm(std::unique_ptr<Device> device, std::span<const BodyModel* const> models, const PosePrior& prior,

@@ -93,7 +93,7 @@ inline constexpr std::int32_t kEmptyLow = 0x7fffffff, kEmptyHigh = -0x7fffffff -
 
 BOOTH_HOST_DEVICE bool usable(float x, float y, float z) { return fabsf(x) < kUsable && fabsf(y) < kUsable && fabsf(z) < kUsable; }
 
-/// Box and bricks of a cloud, as BrickField chooses them; points = 0 where there is nothing to look at.
+/// Box and bricks of a cloud; points = 0 where there is nothing to look at.
 BOOTH_HOST_DEVICE FieldFrame field_frame(const FieldMemory& m) {
   FieldFrame f;
   f.fine = m.fine, f.band = m.band, f.edge = m.edge;

@@ -12,8 +12,7 @@
 #define BOOTH_HAVE_NANOFLANN
 #endif
 
-#include "fit/cloud/brick_field.hpp"
-#include "fit/cloud/nearest_field.hpp"
+#include "fit/cloud/cell_field.hpp"
 #include "tests/bench/harness/harness.hpp"
 #include "tests/bench/support/body_cloud.hpp"
 
@@ -60,31 +59,15 @@ struct Answer {
   std::vector<float> distance{};
 };
 
-Answer by_bricks(const fit::Cloud& cloud, const Points& queries, int threads, int repeats) {
+Answer by_cells(const fit::Cloud& cloud, const Points& queries, int threads, int repeats) {
   fit::WorkerPool pool(threads);
-  fit::BrickField field;
-  Answer a{fmt::format("bricks, {} threads", threads)};
+  fit::CellField field;
+  Answer a{fmt::format("field of cells, {} threads", threads)};
   a.distance.resize(queries.size());
   a.build = median_seconds(repeats, [&] { field.rebuild(cloud, pool); });
   a.query = median_seconds(repeats, [&] {
     Eigen::Vector3f found;
     for (std::size_t i = 0; i < queries.size(); ++i) a.distance[i] = field.nearest(queries[i], found) ? (queries[i] - found).norm() : -1.0f;
-  });
-  return a;
-}
-
-Answer by_dense_field(const fit::Cloud& cloud, const Points& queries, int threads, int repeats) {
-  fit::WorkerPool pool(threads);
-  fit::NearestField field;
-  Answer a{fmt::format("dense grid of 2 cm, {} threads", threads)};
-  a.distance.resize(queries.size());
-  a.build = median_seconds(repeats, [&] { field.rebuild(cloud, pool); });
-  a.query = median_seconds(repeats, [&] {
-    for (std::size_t i = 0; i < queries.size(); ++i) {
-      const int found = field.nearest(queries[i]);
-      const auto k = static_cast<std::size_t>(found);
-      a.distance[i] = found < 0 ? -1.0f : (queries[i] - Eigen::Vector3f(cloud.x[k], cloud.y[k], cloud.z[k])).norm();
-    }
   });
   return a;
 }
@@ -154,8 +137,7 @@ void run(const Options& given, const Common& common, Report& report) {
   const fit::Cloud cloud = surface_cloud(subject.model, subject.beta, subject.q, o.points, o.noise, 1);
   const Points queries = make_queries(cloud, o.queries);
 
-  std::vector<Answer> answers{by_bricks(cloud, queries, 1, o.repeats), by_bricks(cloud, queries, 2, o.repeats), by_dense_field(cloud, queries, 1, o.repeats),
-                              by_dense_field(cloud, queries, 2, o.repeats), by_flann(cloud, queries, o.repeats)};
+  std::vector<Answer> answers{by_cells(cloud, queries, 1, o.repeats), by_cells(cloud, queries, 2, o.repeats), by_flann(cloud, queries, o.repeats)};
 #ifdef BOOTH_HAVE_NANOFLANN
   answers.push_back(by_nanoflann(cloud, queries, o.repeats));
 #else

@@ -77,7 +77,7 @@ class Problem {
   const fit::BodyModel& model() const { return *model_; }
   const fit::PosePrior& prior() const { return prior_; }
   const fit::EnergyPack& pack() const { return pack_; }
-  const fit::BrickField& field() const { return field_; }
+  const fit::CellField& field() const { return field_; }
   const fit::Observation& observation() const { return observation_; }
   fit::SwarmBackend& swarm(int iterations);
   std::span<const float> start() const { return start_; }
@@ -92,7 +92,7 @@ class Problem {
   std::vector<std::array<float, 3>> truth_;
   fit::EnergyPack pack_;
   fit::WorkerPool pool_{1};
-  fit::BrickField field_;
+  fit::CellField field_;
   std::unique_ptr<fit::SwarmBackend> evaluator_, swarm_;
   std::vector<float> start_, deviation_, particle_;
   Trace* trace_ = nullptr;

@@ -5,62 +5,52 @@
 
 #include <cmath>
 #include <limits>
-#include <random>
+#include <map>
+#include <string>
 #include <vector>
 
-#include "fit/energy/paper_energy.hpp"
 #include "fit/swarm/lanes.hpp"
 #include "fit/swarm/random.hpp"
-#include "fit/swarm/swarm.hpp"
 #include "fit/swarm/swarm_kernel.hpp"
+#include "tests/fit/swarm/generic_swarm.hpp"
+#include "tests/fit/swarm/reference_energy.hpp"
 #include "tests/fit/swarm/swarm_scene.hpp"
 #include "tests/support/allocation_count.hpp"
 
 namespace booth::fit {
 namespace {
 
-using tests::pose_with;
-
-struct Scene : tests::SwarmScene {
-  Scene() : SwarmScene(333, 10, 512) {}
-  std::unique_ptr<SwarmBackend> make(WorkerPool& pool, const std::string& kernel = {}) const {
-    const BodyModel* one = model.get();
-    return make_cpu_swarm({&one, 1}, *prior, sizes, pool, kernel);
-  }
-  std::vector<float> particle(unsigned seed) const {
-    std::mt19937 random(seed);
-    std::normal_distribution<float> gauss;
-    std::vector<float> p = centre;
-    for (std::size_t k = 0; k < p.size(); ++k) p[k] += 2 * deviation[k] * gauss(random);
-    return p;
-  }
-};
+using tests::SwarmScene;
 
 TEST(SwarmEnergy, AgreesWithTheReferenceInDoublePrecisionTermByTerm) {
-  const Scene scene;
+  const SwarmScene scene;
   WorkerPool pool(2);
   const auto swarm = scene.make(pool);
   ASSERT_TRUE(swarm->set_cloud(scene.observation.cloud));
-  BrickField field(scene.sizes.field);
+  CellField field(scene.sizes.field);
   field.rebuild(scene.observation.cloud, pool);
-  PaperEnergy reference(*scene.model, *scene.prior, scene.sizes.energy.shape_count, scene.sizes.energy.vertices);
+  tests::ReferenceEnergy reference(*scene.model, *scene.prior, scene.sizes.energy.shape_count, scene.sizes.energy.vertices);
   reference.set_field(field);
+  int at_the_edge = 0;
   for (unsigned seed = 0; seed < 200; ++seed) {
     const std::vector<float> p = scene.particle(seed);
     ParticleTerms t{};
     ASSERT_TRUE(swarm->evaluate(0, p, t));
-    const PaperEnergy::Terms r = reference.evaluate(p.data());
-    // A vertex on the border of two cells may fall to either side: a few millimetres of one vertex among 512.
+    const tests::ReferenceEnergy::Terms r = reference.evaluate(p.data());
+    // A vertex on the border of two cells may fall to either side: a few millimetres of one vertex among 512. Once in a while it is the band's edge, where
+    // the plane's distance jumps to the charge.
     EXPECT_NEAR(static_cast<double>(t.point), r.point, 3e-4 * r.point) << seed;
-    EXPECT_NEAR(static_cast<double>(t.plane), r.plane, 1e-3 * r.plane) << seed;
+    EXPECT_NEAR(static_cast<double>(t.plane), r.plane, 1e-3 * r.plane + kMillimetres * static_cast<double>(kChargedOutside) * kPaperVertices / 512) << seed;
+    if (std::abs(static_cast<double>(t.plane) - r.plane) > 1e-3 * r.plane) ++at_the_edge;
     EXPECT_NEAR(static_cast<double>(t.shape), r.shape, 1e-5 * r.shape) << seed;
     EXPECT_NEAR(static_cast<double>(t.bone), r.bone, 1e-3 + 1e-3 * r.bone) << seed;
     EXPECT_NEAR(static_cast<double>(t.pose), r.pose, 1e-4 + 1e-4 * r.pose) << seed;
   }
+  EXPECT_LE(at_the_edge, 2);
 }
 
 TEST(SwarmEnergy, ABetaBeyondSixteenDeviationsIsHeldThereAndNothingOverflows) {
-  const Scene scene;
+  const SwarmScene scene;
   WorkerPool pool(1);
   const auto swarm = scene.make(pool);
   ASSERT_TRUE(swarm->set_cloud(scene.observation.cloud));
@@ -91,7 +81,7 @@ TEST(SwarmMove, DrawsTheNumbersOfRandom) {
 }
 
 TEST(SwarmBackend, FindsWhatTheGenericSwarmFindsOverTheSameEnergyBitForBit) {
-  const Scene scene;
+  const SwarmScene scene;
   WorkerPool pool(2);
   const auto swarm = scene.make(pool, "scalar");
   ASSERT_TRUE(swarm->set_cloud(scene.observation.cloud));
@@ -110,33 +100,31 @@ TEST(SwarmBackend, FindsWhatTheGenericSwarmFindsOverTheSameEnergyBitForBit) {
   EXPECT_LT(out.history.back(), 0.8f * out.history.front());
 }
 
-TEST(SwarmBackend, SameBitsForEveryKernelAndAnyNumberOfThreads) {
-  const Scene scene;
-  WorkerPool one(1);
-  const auto reference = scene.make(one, "scalar");
-  ASSERT_TRUE(reference->set_cloud(scene.observation.cloud));
-  SwarmResult expected;
-  ASSERT_TRUE(reference->minimise(0, scene.centre, scene.deviation, {1, 5}, expected));
+TEST(SwarmBackend, SameBitsForAnyNumberOfThreadsAndForAvx2AndAvx512) {
+  const SwarmScene scene;
   int kernels = 0;
   const SwarmKernel* all = swarm_kernels(kernels);
+  std::map<std::string, std::vector<float>> found;
   for (int k = 0; k < kernels; ++k) {
     if (!all[k].available()) continue;
+    const std::string name = std::string(all[k].name).starts_with("avx") ? "avx" : all[k].name;
     for (int threads : {1, 2, 4}) {
       WorkerPool pool(threads);
       const auto swarm = scene.make(pool, all[k].name);
       ASSERT_TRUE(swarm->set_cloud(scene.observation.cloud));
       SwarmResult out;
       ASSERT_TRUE(swarm->minimise(0, scene.centre, scene.deviation, {1, 5}, out));
-      EXPECT_EQ(out.cost, expected.cost) << all[k].name << " " << threads;
-      EXPECT_TRUE(std::equal(out.best.begin(), out.best.end(), expected.best.begin(), expected.best.end())) << all[k].name << " " << threads;
-      EXPECT_TRUE(std::equal(out.history.begin(), out.history.end(), expected.history.begin(), expected.history.end())) << all[k].name << " " << threads;
+      std::vector<float> all_of_it(out.history.begin(), out.history.end());
+      all_of_it.insert(all_of_it.end(), out.best.begin(), out.best.end());
+      const auto [expected, first] = found.try_emplace(name, all_of_it);
+      EXPECT_TRUE(first || expected->second == all_of_it) << all[k].name << " " << threads;
     }
   }
 }
 
 TEST(SwarmBackend, AllocatesNothingInAFrame) {
   if (!tests::AllocationCount::supported()) GTEST_SKIP() << "skipped: allocations cannot be counted in this build";
-  Scene scene;
+  SwarmScene scene;
   WorkerPool pool(2);
   const auto swarm = scene.make(pool);
   ASSERT_TRUE(swarm->set_cloud(scene.observation.cloud));
@@ -150,7 +138,7 @@ TEST(SwarmBackend, AllocatesNothingInAFrame) {
 }
 
 TEST(SwarmBackend, SaysWhatIsWrong) {
-  const Scene scene;
+  const SwarmScene scene;
   WorkerPool pool(1);
   EXPECT_THROW((void)scene.make(pool, "abacus"), std::invalid_argument);
   SwarmSizes wrong = scene.sizes;

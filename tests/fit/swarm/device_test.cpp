@@ -18,7 +18,6 @@ namespace {
 
 using device::Faults;
 using device::Order;
-using tests::pose_with;
 
 struct Scene : tests::SwarmScene {
   Scene() : SwarmScene(101, 4, 640) {}
@@ -35,13 +34,14 @@ std::vector<float> reference(const Scene& scene, const FieldView& field, const R
   const int d = pack.dimensions(), groups = (s.particles + kGroup - 1) / kGroup;
   std::vector<float> x(static_cast<std::size_t>(groups * d * kGroup)), v(x), best(x), best_cost(static_cast<std::size_t>(groups * kGroup)),
       global(static_cast<std::size_t>(d));
-  SwarmWork work{pack.view(), field, {}, scene.centre.data(), scene.deviation.data(), global.data(), x.data(), v.data(), best.data(), best_cost.data()};
+  SwarmWorkOver<FieldView> work{{pack.view()}, field,    {},       scene.centre.data(), scene.deviation.data(),
+                                global.data(), x.data(), v.data(), best.data(),         best_cost.data()};
   work.step.key = key, work.step.cognitive = s.cognitive, work.step.social = s.social;
   cost = std::numeric_limits<float>::max();
   history.clear();
   for (int i = 0; i < s.iterations; ++i) {
     work.step.iteration = i, work.step.inertia = inertia_of(i, s.iterations, s.inertia_first, s.inertia_last);
-    for (int g = 0; g < groups; ++g) run_group<ScalarLanes>(work, g);
+    for (int g = 0; g < groups; ++g) run_reference(work, g, g + 1);
     int winner = -1;
     for (int p = 0; p < s.particles; ++p)
       if (best_cost[static_cast<std::size_t>(p)] < cost) cost = best_cost[static_cast<std::size_t>(p)], winner = p;

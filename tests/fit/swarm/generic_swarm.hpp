@@ -1,4 +1,4 @@
-// Particle-swarm optimisation as the paper uses it (docs/design/energy.md), with all particles allocated once.
+// Particle-swarm optimisation as the paper uses it (docs/design/energy.md) over any function: what the back-ends' own swarm is tested against.
 #pragma once
 
 #include <algorithm>

@@ -1,19 +1,21 @@
-// The paper's whole energy (eq. 4) of one particle, evaluated on an evenly spread part of the model: what the swarm minimises.
+// The paper's whole energy (eq. 4) of one particle in plain terms, with Eigen and the poser's kinematics: what the packed energy is tested against.
 #pragma once
 
 #include <vector>
 
 #include "fit/body/body_model.hpp"
-#include "fit/cloud/brick_field.hpp"
+#include "fit/cloud/cell_field.hpp"
 #include "fit/energy/terms.hpp"
 #include "fit/prior/pose_prior.hpp"
 
-namespace booth::fit {
+namespace booth::tests {
+
+using namespace fit;  // NOLINT(google-build-using-namespace)
 
 /// Immutable after construction but for set_observation(); evaluate() is thread-safe. A particle is q (36) and the first `shape_count` coefficients.
-class PaperEnergy {
+class ReferenceEnergy {
  public:
-  PaperEnergy(const BodyModel& model, const PosePrior& prior, int shape_count, int vertex_count, PaperWeights weights = {});
+  ReferenceEnergy(const BodyModel& model, const PosePrior& prior, int shape_count, int vertex_count, PaperWeights weights = {});
 
   int dimensions() const { return kDofs + shape_count_; }
   int vertex_count() const { return count_; }
@@ -24,7 +26,7 @@ class PaperEnergy {
   };
 
   /// The field must outlive the evaluations.
-  void set_field(const BrickField& field) { field_ = &field; }
+  void set_field(const CellField& field) { field_ = &field; }
   Terms evaluate(const float* particle) const;
   double energy(const float* particle) const { return evaluate(particle).total(weights_); }
 
@@ -41,7 +43,7 @@ class PaperEnergy {
   std::vector<float> shape_;  ///< per group: mean x, y, z and normal x, y, z, then for each coefficient the same six; kLane floats each
   std::vector<std::uint8_t> bone_;
   std::vector<float> weight_;
-  const BrickField* field_ = nullptr;
+  const CellField* field_ = nullptr;
 };
 
-}  // namespace booth::fit
+}  // namespace booth::tests

@@ -1,5 +1,5 @@
 // The swarm on functions whose minimum is known, and its independence of the number of threads.
-#include "fit/swarm/swarm.hpp"
+#include "tests/fit/swarm/generic_swarm.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,19 +1,18 @@
 // Normals follow the shape to first order: n(beta) = n + sum beta_k dn/dbeta_k, so that eq. 6 uses the normal at (q, beta).
-#include "fit/energy/paper_energy.hpp"
+#include "tests/fit/swarm/reference_energy.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 #include "fit/body/sampling.hpp"
-#include "fit/kernel.hpp"
 
-namespace booth::fit {
+namespace booth::tests {
 namespace {
 
 constexpr int kLanes = 16;
 
 /// out[6 * 16] = block + sum_k beta_k * (block + (k + 1) * 6 * 16), lane by lane.
-BOOTH_KERNEL void shape_group(const float* block, const float* beta, int count, float* out) {
+void shape_group(const float* block, const float* beta, int count, float* out) {
   for (int i = 0; i < 6 * kLanes; ++i) out[i] = block[i];
   for (int k = 0; k < count; ++k) {
     const float b = beta[k];
@@ -24,7 +23,7 @@ BOOTH_KERNEL void shape_group(const float* block, const float* beta, int count, 
 
 }  // namespace
 
-PaperEnergy::PaperEnergy(const BodyModel& model, const PosePrior& prior, int shape_count, int vertex_count, PaperWeights weights)
+ReferenceEnergy::ReferenceEnergy(const BodyModel& model, const PosePrior& prior, int shape_count, int vertex_count, PaperWeights weights)
     : model_(model), prior_(prior), weights_(weights), shape_count_(std::min(shape_count, model.shape_count())) {
   const std::vector<int> vertices = spread_vertices(model, vertex_count);
   count_ = static_cast<int>(vertices.size()) / kLane * kLane;
@@ -63,7 +62,7 @@ PaperEnergy::PaperEnergy(const BodyModel& model, const PosePrior& prior, int sha
     }
 }
 
-PaperEnergy::Terms PaperEnergy::evaluate(const float* particle) const {
+ReferenceEnergy::Terms ReferenceEnergy::evaluate(const float* particle) const {
   PoseVector q;
   for (int i = 0; i < kDofs; ++i) q[i] = static_cast<double>(particle[i]);
   ShapeVector beta(shape_count_);
@@ -113,4 +112,4 @@ PaperEnergy::Terms PaperEnergy::evaluate(const float* particle) const {
   return {static_cast<double>(point) * scale, static_cast<double>(plane) * scale, shape_energy(beta), bone_energy(vectors), pose_energy(prior_, q)};
 }
 
-}  // namespace booth::fit
+}  // namespace booth::tests

@@ -1,0 +1,199 @@
+// The data terms of the paper's energy as the CPU's vector kernels compute them: what particle_energy.hpp says, in fewer operations.
+#pragma once
+
+#include <cstdint>
+
+#include "fit/energy/particle_energy.hpp"
+
+namespace booth::fit {
+
+/// Coefficients in bytes: steps of 1/16 standard deviation, up to 4 (rather -64 to 63 steps): seven bits.
+inline constexpr float kByteSteps = 16;
+inline constexpr int kByteMiddle = 64;
+inline constexpr int kWideShapes = 4;         ///< the first coefficients, which move vertices furthest, act on positions in 16 bits
+inline constexpr int kNormalShapes = 12;      ///< so many coefficients act on the normals: those that turn them most
+inline constexpr float kLeastWeight = 0.05f;  ///< parts that move a vertex by less than this are left out, the others take their share
+
+/// EnergyView's vertices once more, rounded for fewer operations: positions to about 0.2 mm, normals to about a degree.
+///
+/// A batch is (6 + 3 (pairs + quads + normal_quads)) * kBatch words: the mean's [x y z nx ny nz][vertex]; for each pair of the first kWideShapes coefficients
+/// the positions' changes as in EnergyView, [x y z][vertex]; for each four of the others the same as signed bytes, the first in the lowest; for each four
+/// of `normal_shape` the normals' changes as signed bytes, [nx ny nz][vertex]. Positions so far are divided by 2^shift before the bytes' share is
+/// added. The mean is less kByteMiddle times each byte, as coefficients come with kByteMiddle added.
+struct BatchView {
+  EnergyView model;
+  float position_unit = 1;        ///< m per unit of the batches' positions
+  const float* weight = nullptr;  ///< as EnergyView's, without the small ones; likewise the segments
+  const Segment* segment = nullptr;
+  const std::int32_t* segment_start = nullptr;
+  const std::int32_t* word = nullptr;
+  std::int32_t pairs = 0, quads = 0, normal_quads = 0, shift = 0;
+  std::uint8_t normal_shape[kNormalShapes] = {};  ///< coefficients
+
+  BOOTH_HOST_DEVICE std::int32_t batch_words() const { return (6 + 3 * (pairs + quads + normal_quads)) * kBatch; }
+};
+
+/// A particle's coefficients as the batches take them.
+template <class L>
+struct PackedShape {
+  typename L::I pair[kWideShapes / 2], quad[(kParticleShape - kWideShapes) / 4], normal[kNormalShapes / 4];
+};
+
+template <class L>
+BOOTH_HOST_DEVICE void pack_batch_shape(const BatchView& b, const float* particle, std::int64_t stride, PackedShape<L>& out) {
+  using F = typename L::F;
+  using I = typename L::I;
+  const auto whole = [&](int k, float steps, float least, float most) {
+    if (k >= b.model.shape_count) return L::splat(std::int32_t{0});
+    const F scaled = L::load(particle + (kParticleDofs + k) * stride) * steps;
+    I bits;
+    rounded<L>(L::smaller(L::larger(scaled, L::splat(least)), L::splat(most)), bits);
+    return bits;
+  };
+  const auto wide = [&](int k) { return whole(k, kShapeSteps, -kShapeLimit, kShapeLimit); };
+  const auto byte = [&](int k) { return whole(k, kByteSteps, -64.0f, 63.0f) + kByteMiddle; };
+  const auto four = [&](int k0, int k1, int k2, int k3) { return byte(k0) | byte(k1) << 8 | byte(k2) << 16 | byte(k3) << 24; };
+  for (int p = 0; p < b.pairs; ++p) out.pair[p] = (wide(2 * p) & 0xFFFF) | wide(2 * p + 1) << 16;
+  for (int q = 0, k = kWideShapes; q < b.quads; ++q, k += 4) out.quad[q] = four(k, k + 1, k + 2, k + 3);
+  for (int q = 0; q < b.normal_quads; ++q) {
+    const std::uint8_t* k = b.normal_shape + 4 * q;
+    out.normal[q] = four(k[0], k[1], k[2], k[3]);
+  }
+}
+
+/// What a batch's vertices are on their way: positions from their cells' centres, normals of any length, and where to look.
+template <class L>
+struct PosedBatch {
+  typename L::F position[kBatch][3], normal[kBatch][3];
+  std::int32_t cell[kBatch][L::kCount], part[kBatch][L::kCount];
+};
+
+/// Rest, blend and pose of the i-th vertex, which kExtra further parts move besides the first, by `weight`; `further` is their difference from the first.
+template <class L, int kQuads, int kExtra>
+BOOTH_HOST_DEVICE void pose_vertex(const BatchView& b, const CellView& field, const std::int32_t* word, const float* weight, const typename L::F* first,
+                                   const typename L::F (*further)[12], const PackedShape<L>& shape, int i, PosedBatch<L>& out) {
+  using F = typename L::F;
+  using I = typename L::I;
+  // kQuads > 0: how many fours of positions, with all pairs and fours of normals.
+  const int pairs = kQuads > 0 ? kWideShapes / 2 : b.pairs, quads = kQuads > 0 ? kQuads : b.quads,
+            normal_quads = kQuads > 0 ? kNormalShapes / 4 : b.normal_quads;
+  I sum[6];
+  const std::int32_t* at = word + i;
+  for (int c = 0; c < 6; ++c) sum[c] = L::splat(at[c * kBatch]);
+  at += 6 * kBatch;
+  for (int p = 0; p < pairs; ++p, at += 3 * kBatch)
+    for (int c = 0; c < 3; ++c) sum[c] = L::pair_dot(sum[c], shape.pair[p], L::splat(at[c * kBatch]));
+  for (int c = 0; c < 3; ++c) sum[c] = sum[c] >> b.shift;
+  for (int q = 0; q < quads; ++q, at += 3 * kBatch)
+    for (int c = 0; c < 3; ++c) sum[c] = L::quad_dot(sum[c], shape.quad[q], L::splat(at[c * kBatch]));
+  for (int q = 0; q < normal_quads; ++q, at += 3 * kBatch)
+    for (int c = 0; c < 3; ++c) sum[3 + c] = L::quad_dot(sum[3 + c], shape.normal[q], L::splat(at[c * kBatch]));
+  F rest[6], w[kExtra + 1], posed[3];
+  for (int c = 0; c < 6; ++c) rest[c] = L::to_float(sum[c]);
+  for (int k = 0; k < kExtra; ++k) w[k] = L::splat(weight[k * kBatch + i]);
+  for (int row = 0; row < 3; ++row) {
+    F m[4];
+    for (int c = 0; c < 4; ++c) {
+      m[c] = first[4 * row + c];
+      for (int k = 0; k < kExtra; ++k) m[c] = L::multiply_add(further[k][4 * row + c], w[k], m[c]);
+    }
+    posed[row] = L::multiply_add(m[0], rest[0], L::multiply_add(m[1], rest[1], L::multiply_add(m[2], rest[2], m[3])));
+    out.normal[i][row] = L::multiply_add(m[0], rest[3], L::multiply_add(m[1], rest[4], m[2] * rest[5]));
+  }
+  I cell, part;
+  locate<L>(field, posed[0], posed[1], posed[2], cell, part);
+  L::store(out.cell[i], cell), L::store(out.part[i], part);
+  for (int c = 0; c < 3; ++c) out.position[i][c] = posed[c];
+}
+
+template <class L, int kQuads, int kExtra>
+BOOTH_HOST_DEVICE void pose_segment(const BatchView& b, const CellView& field, const std::int32_t* word, const float* weight, const Segment& s,
+                                    const typename L::F (*transform)[12], const PackedShape<L>& shape, PosedBatch<L>& out) {
+  const typename L::F* first = transform[s.part[0]];
+  typename L::F further[kExtra + 1][12];
+  for (int k = 0; k < kExtra; ++k)
+    for (int e = 0; e < 12; ++e) further[k][e] = transform[s.part[k + 1]][e] - first[e];
+  // One vertex at a time: two share what they load, but spill more than that.
+  for (int i = s.begin; i < s.end; ++i) pose_vertex<L, kQuads, kExtra>(b, field, word, weight, first, further, shape, i, out);
+}
+
+/// The constant that scales the first guess of an inverse root to be right on average; it is taken out of the sum.
+inline constexpr float kInverseRootScale = 0.703952253f;
+
+/// 1 / (kInverseRootScale * sqrt(x)) to 0.07 %, the same bits on every processor: a guess from the exponent and one Newton step, the constants of both
+/// chosen for the least error (Kadlec, "Improving the fast inverse square root", 2010).
+template <class L>
+BOOTH_HOST_DEVICE typename L::F inverse_root(typename L::F x) {
+  const typename L::F guess = L::as_float(L::splat(std::int32_t{0x5F1FFFF9}) - (L::as_int(x) >> 1));
+  return guess * (L::splat(2.38924456f) - x * guess * guess);
+}
+
+/// Adds the data terms of a batch: point in cells, plane in cells / kInverseRootScale.
+template <class L, int kQuads>
+BOOTH_HOST_DEVICE void batch_distances(const BatchView& b, const CellView& field, int batch, const typename L::F (*transform)[12], const PackedShape<L>& shape,
+                                       typename L::F& point, typename L::F& plane) {
+  using F = typename L::F;
+  const std::int32_t* word = b.word + static_cast<std::int64_t>(batch) * b.batch_words();
+  const float* weight = b.weight + static_cast<std::int64_t>(batch) * ((kVertexParts - 1) * kBatch);
+  // Step by step for the whole batch, so that loads find their addresses long computed.
+  PosedBatch<L> posed;
+  for (int s = b.segment_start[batch]; s < b.segment_start[batch + 1]; ++s) {
+    const Segment& segment = b.segment[s];
+    switch (segment.count) {
+      case 1:
+        pose_segment<L, kQuads, 0>(b, field, word, weight, segment, transform, shape, posed);
+        break;
+      case 2:
+        pose_segment<L, kQuads, 1>(b, field, word, weight, segment, transform, shape, posed);
+        break;
+      case 3:
+        pose_segment<L, kQuads, 2>(b, field, word, weight, segment, transform, shape, posed);
+        break;
+      default:
+        pose_segment<L, kQuads, 3>(b, field, word, weight, segment, transform, shape, posed);
+        break;
+    }
+  }
+  for (int i = 0; i < kBatch; ++i)
+    L::store(posed.cell[i], answer_of<L>(L::gather(field.middle, posed.cell[i]), L::load(posed.cell[i]), L::load(posed.part[i])));
+  const F charged = L::splat(kChargedOutside * field.inverse_cell), charged_plane = charged * (1 / kInverseRootScale);
+  for (int i = 0; i < kBatch; ++i) {
+    F x = posed.position[i][0], y = posed.position[i][1], z = posed.position[i][2];
+    const auto outside = subtract_nearest<L>(L::gather(field.middle, posed.cell[i]), x, y, z);
+    const F* n = posed.normal[i];
+    const F along = L::multiply_add(n[0], x, L::multiply_add(n[1], y, n[2] * z));
+    const F length2 = L::multiply_add(n[0], n[0], L::multiply_add(n[1], n[1], L::multiply_add(n[2], n[2], L::splat(1e-12f))));
+    const F distance2 = L::multiply_add(x, x, L::multiply_add(y, y, z * z));
+    point = point + (outside ? charged : L::root(distance2));
+    plane = plane + (outside ? charged_plane : L::absolute(along) * inverse_root<L>(length2));
+  }
+}
+
+/// So many particles are evaluated together, batch by batch: what one of them has called into the caches of model and field the next ones find there.
+inline constexpr int kTogether = 128;
+
+/// The whole energy of up to kTogether particles, L::kCount at a time; particle(u) is where those of turn u begin, done(u, terms) takes what they cost.
+template <class L, int kQuads, class Particle, class Done>
+BOOTH_HOST_DEVICE void particle_energies(const BatchView& b, const CellView& field, int turns, std::int64_t stride, const Particle& particle,
+                                         const Done& done) {
+  constexpr int kTurns = kTogether / L::kCount;
+  typename L::F transform[kTurns][kParts][12], point[kTurns], plane[kTurns];
+  PackedShape<L> shape[kTurns];
+  LaneTerms<L> terms[kTurns];
+  EnergyView model = b.model;
+  model.position_unit = b.position_unit;
+  for (int u = 0; u < turns; ++u) {
+    pose_particle<L>(model, field, particle(u), stride, transform[u], terms[u]);
+    pack_batch_shape<L>(b, particle(u), stride, shape[u]);
+    point[u] = plane[u] = L::splat(0.0f);
+  }
+  for (int batch = 0; batch < b.model.batches; ++batch)
+    for (int u = 0; u < turns; ++u) batch_distances<L, kQuads>(b, field, batch, transform[u], shape[u], point[u], plane[u]);
+  const float scale = b.model.data_scale * field.cell_size;
+  for (int u = 0; u < turns; ++u) {
+    terms[u].point = point[u] * scale, terms[u].plane = plane[u] * (kInverseRootScale * scale);
+    done(u, terms[u]);
+  }
+}
+
+}  // namespace booth::fit
