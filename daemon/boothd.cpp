@@ -24,6 +24,7 @@
 #include "daemon/drivers_factory.gpio.hpp"
 #include "daemon/drivers_factory.hpp"
 #include "daemon/drivers_factory.recorder.hpp"
+#include "daemon/health/failed_light.hpp"
 #include "daemon/health/log.hpp"
 #include "daemon/health/notify.hpp"
 #include "daemon/health/progress_watch.hpp"
@@ -303,12 +304,14 @@ int run(int argc, char** argv) {
   CLI::App app{"The daemon inside a capture booth: depth cameras in, a person's body and live skeleton out.", "boothd"};
   ConfigSources sources;
   std::string file;
-  bool check_only = false;
+  bool check_only = false, failed_light = false;
   app.add_option("--config", file, "Configuration file; without it /etc/boothd/boothd.toml where it exists");
   app.add_option("--set", sources.assignments, "key=value, over the file's; may be given several times")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   app.add_flag("--check-config", check_only, "Print the resolved configuration, the memory plan and every error, and do nothing else");
+  app.add_flag("--failed-light", failed_light, "Show on the light that boothd has failed, until told to stop; boothd-failed.service does so")
+      ->excludes("--check-config");
   app.set_version_flag("--version", "boothd " BOOTHD_VERSION);
   app.footer("Exit status: 0 stopped as asked, 64 usage, 69 something needed at the start is missing, 70 internal fault, 78 configuration.");
   try {
@@ -326,6 +329,10 @@ int run(int argc, char** argv) {
   ::signal(SIGPIPE, SIG_IGN);
 
   try {
+    if (failed_light) {
+      show_failed_light(sources, signals);
+      return kStopped;
+    }
     const Config config = load_config(sources);
     if (check_only) print_config(config, std::cout);
     return serve(config, signals, check_only);
