@@ -10,6 +10,7 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <set>
 #include <thread>
 
 #include "daemon/config/load.hpp"
@@ -28,6 +29,7 @@
 #include "daemon/health/log.hpp"
 #include "daemon/health/notify.hpp"
 #include "daemon/health/progress_watch.hpp"
+#include "daemon/health/system_calls.hpp"
 #include "daemon/pipeline/fit_setup.hpp"
 #include "daemon/pipeline/pipeline.hpp"
 #include "daemon/record/booth_tap.hpp"
@@ -204,7 +206,28 @@ ExitStatus watch(const sigset_t& signals, const Pipeline& pipeline, const Contro
 /// What the last moments were, for whoever asks later; not for ever, because the disk may be what hangs.
 void save_black_box(hal::FlightRecorder& recorder) {
   if (!request_snapshot(recorder, "a thread hangs").accepted) return;
-  for (int turn = 0; turn < 200 && recorder.status(false).snapshot.running; ++turn) std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  for (int turn = 0; turn < 200 && recorder.status(false).snapshot.running; ++turn) {
+    notify_watchdog();  // bounded; else what led to it would be lost
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+}
+
+/// From here on boothd cannot run programs, open sockets of the network or map code. Where the kernel cannot, or the configuration does not want it, the unit's
+/// list holds.
+std::unique_ptr<SystemCallGuard> narrow_system_calls(const Config& config) {
+#ifdef BOOTHD_SANITIZED
+  return nullptr;  // sanitizers need more
+#endif
+  if (config.hardening.system_calls != "narrow" || config.fit.backend != "cpu") return nullptr;
+  try {
+    return std::make_unique<SystemCallGuard>([told = std::set<int>()](const std::string& name, int number, std::uint32_t thread) mutable {
+      if (told.insert(number).second)
+        log_line(LogLevel::warning, fmt::format("system call {} ({}) of thread {} is refused: it is not in boothd's list; told once", name, number, thread));
+    });
+  } catch (const std::exception& e) {
+    log_line(LogLevel::warning, e.what());
+    return nullptr;
+  }
 }
 
 void print_plan(const std::vector<MemoryItem>& plan) {
@@ -290,6 +313,7 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
   });
   log_line(LogLevel::info, fmt::format("boothd {} is ready: {}; {} cameras; control socket {}{}", BOOTHD_VERSION, source.name, source.cameras.size(),
                                        config.control.socket, seal_to ? "; sessions and recordings are sealed to key " + seal_to->id() : ""));
+  const auto guard = narrow_system_calls(config);
   notify_ready("idle");
   const ExitStatus status = watch(signals, pipeline, controller, panel, *source.clock);
   notify_stopping();

@@ -23,6 +23,7 @@ using Result = PowerOutcome::Result;
 constexpr hal::Nanoseconds kWithoutPower = 2s, kUnbound = 1s, kBindPause = 500ms;
 constexpr int kBindTries = 5;
 constexpr int kHubClass = 9;
+constexpr int kMostUsbfsMemory = 1024;  ///< MiB; four sensors take about 50
 
 /// An attribute opened for writing.
 class Attribute {
@@ -131,6 +132,20 @@ std::string PowerControl::controller_of(const std::string& text) {
   (void)look();
   const auto known = controllers_.find(port->bus);
   return known == controllers_.end() ? "" : known->second;
+}
+
+PowerOutcome PowerControl::raise_usbfs_memory(const std::string& text) {
+  const std::lock_guard lock(mutex_);
+  const bool digits = !text.empty() && text.size() <= 4 && text.find_first_not_of("0123456789") == std::string::npos && text[0] != '0';
+  const int wanted = digits ? std::stoi(text) : 0;
+  if (wanted < 1 || wanted > kMostUsbfsMemory) return {Result::refused, "\"" + text.substr(0, 32) + "\" is no amount of usbfs memory: 1 to 1024 MiB"};
+  const auto now = look().usbfs_memory_mb;
+  if (!now) return {Result::failed, "this kernel shows no usbfs memory"};
+  if (*now == 0 || *now >= wanted) return {Result::done, "usbfs memory is " + (*now == 0 ? std::string("without limit") : std::to_string(*now) + " MiB")};
+  Attribute limit(sysfs_.at("sys/module/usbcore/parameters/usbfs_memory_mb"));
+  if (limit.error() != 0) return cannot_open(limit, "usbfs memory cannot be raised");
+  if (!limit.write(text)) return {Result::failed, "usbfs memory could not be raised: " + limit.why()};
+  return {Result::done, "usbfs memory is " + text + " MiB now"};
 }
 
 PowerOutcome PowerControl::rebind(const hal::UsbController& controller) {
