@@ -96,11 +96,11 @@ TEST_F(UnitsTest, TheUserAndTheFoldersAreWellFormed) {
   const auto root = folder.path / "root";
   folder.write("root/etc/passwd", "root:x:0:0:root:/root:/bin/sh\n");
   folder.write("root/etc/group", "root:x:0:\n");
-  const auto users = run_in_source_tree("systemd-sysusers --root='" + root.string() + "' systemd/boothd.sysusers");
+  const auto users = run_in_source_tree("systemd-sysusers --root='" + root.string() + "' - <systemd/boothd.sysusers");
   EXPECT_EQ(users.status, 0) << users.output;
   EXPECT_THAT(read_text(root / "etc/passwd"), HasSubstr("boothd:x:"));
   EXPECT_THAT(read_text(root / "etc/passwd"), HasSubstr(":/var/lib/boothd:/usr/sbin/nologin"));
-  const auto folders = run_in_source_tree("systemd-tmpfiles --root='" + root.string() + "' --create systemd/boothd.tmpfiles");
+  const auto folders = run_in_source_tree("systemd-tmpfiles --root='" + root.string() + "' --create - <systemd/boothd.tmpfiles");
   EXPECT_EQ(folders.status, 0) << folders.output;
   EXPECT_EQ(fs::status(root / "etc/boothd/credentials").permissions(), fs::perms::owner_all);
 }
