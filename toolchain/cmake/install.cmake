@@ -46,9 +46,9 @@ set(CPACK_DEBIAN_COMPRESSION_TYPE xz)
 
 set(CPACK_DEBIAN_BOOTHD_PACKAGE_NAME boothd)
 set(CPACK_DEBIAN_BOOTHD_DESCRIPTION "capture booth: body model and live skeleton from depth cameras
- The daemon inside an installed capture booth, and the command by which people
- talk to it. Four depth cameras see a person; boothd finds that person's own
- body model and publishes the skeleton live over DDS.")
+The daemon inside an installed capture booth, and the command by which people
+talk to it. Four depth cameras see a person; boothd finds that person's own
+body model and publishes the skeleton live over DDS.")
 set(CPACK_DEBIAN_BOOTHD_PACKAGE_SECTION misc)
 set(CPACK_DEBIAN_BOOTHD_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_BOOTHD_PACKAGE_DEPENDS "boothd-models (= ${PROJECT_VERSION}-1), init-system-helpers (>= 1.51), adduser")
@@ -58,22 +58,22 @@ set(CPACK_DEBIAN_BOOTHD_PACKAGE_CONTROL_EXTRA "${scripts}/postinst;${scripts}/pr
 
 set(CPACK_DEBIAN_MODELS_PACKAGE_NAME boothd-models)
 set(CPACK_DEBIAN_MODELS_DESCRIPTION "body models and pose prior for boothd
- Body shapes of men and women, and what human poses look like, as statistics
- trained from public data; the bodies that were set aside for measuring errors.")
+Body shapes of men and women, and what human poses look like, as statistics
+trained from public data; the bodies that were set aside for measuring errors.")
 set(CPACK_DEBIAN_MODELS_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_MODELS_PACKAGE_ARCHITECTURE all)
 
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME boothd-dev)
 set(CPACK_DEBIAN_DEV_DESCRIPTION "DDS types of boothd, for programs that subscribe to it
- The IDL of the topics and a CMake package that compiles it.")
+The IDL of the topics and a CMake package that compiles it.")
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION devel)
 set(CPACK_DEBIAN_DEV_PACKAGE_ARCHITECTURE all)
 set(CPACK_DEBIAN_DEV_PACKAGE_SUGGESTS "cyclonedds-dev, cyclonedds-tools")
 
 set(CPACK_DEBIAN_DBG_PACKAGE_NAME boothd-dbg)
 set(CPACK_DEBIAN_DBG_DESCRIPTION "debug symbols of boothd
- What gdb and a backtrace need to name functions and lines of boothd, boothctl
- and boothd-usb-recover; found by the build's own identity.")
+What gdb and a backtrace need to name functions and lines of boothd, boothctl
+and boothd-usb-recover; found by the build's own identity.")
 set(CPACK_DEBIAN_DBG_PACKAGE_SECTION debug)
 set(CPACK_DEBIAN_DBG_PACKAGE_DEPENDS "boothd (= ${PROJECT_VERSION}-1)")
 
