@@ -10,6 +10,7 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <set>
 #include <thread>
 
 #include "daemon/config/load.hpp"
@@ -24,9 +25,11 @@
 #include "daemon/drivers_factory.gpio.hpp"
 #include "daemon/drivers_factory.hpp"
 #include "daemon/drivers_factory.recorder.hpp"
+#include "daemon/health/failed_light.hpp"
 #include "daemon/health/log.hpp"
 #include "daemon/health/notify.hpp"
 #include "daemon/health/progress_watch.hpp"
+#include "daemon/health/system_calls.hpp"
 #include "daemon/pipeline/fit_setup.hpp"
 #include "daemon/pipeline/pipeline.hpp"
 #include "daemon/record/booth_tap.hpp"
@@ -203,7 +206,28 @@ ExitStatus watch(const sigset_t& signals, const Pipeline& pipeline, const Contro
 /// What the last moments were, for whoever asks later; not for ever, because the disk may be what hangs.
 void save_black_box(hal::FlightRecorder& recorder) {
   if (!request_snapshot(recorder, "a thread hangs").accepted) return;
-  for (int turn = 0; turn < 200 && recorder.status(false).snapshot.running; ++turn) std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  for (int turn = 0; turn < 200 && recorder.status(false).snapshot.running; ++turn) {
+    notify_watchdog();  // bounded; else what led to it would be lost
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+}
+
+/// From here on boothd cannot run programs, open sockets of the network or map code. Where the kernel cannot, or the configuration does not want it, the unit's
+/// list holds.
+std::unique_ptr<SystemCallGuard> narrow_system_calls(const Config& config) {
+#ifdef BOOTHD_SANITIZED
+  return nullptr;  // sanitizers need more
+#endif
+  if (config.hardening.system_calls != "narrow" || config.fit.backend != "cpu") return nullptr;
+  try {
+    return std::make_unique<SystemCallGuard>([told = std::set<int>()](const std::string& name, int number, std::uint32_t thread) mutable {
+      if (told.insert(number).second)
+        log_line(LogLevel::warning, fmt::format("system call {} ({}) of thread {} is refused: it is not in boothd's list; told once", name, number, thread));
+    });
+  } catch (const std::exception& e) {
+    log_line(LogLevel::warning, e.what());
+    return nullptr;
+  }
 }
 
 void print_plan(const std::vector<MemoryItem>& plan) {
@@ -289,6 +313,7 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
   });
   log_line(LogLevel::info, fmt::format("boothd {} is ready: {}; {} cameras; control socket {}{}", BOOTHD_VERSION, source.name, source.cameras.size(),
                                        config.control.socket, seal_to ? "; sessions and recordings are sealed to key " + seal_to->id() : ""));
+  const auto guard = narrow_system_calls(config);
   notify_ready("idle");
   const ExitStatus status = watch(signals, pipeline, controller, panel, *source.clock);
   notify_stopping();
@@ -303,12 +328,14 @@ int run(int argc, char** argv) {
   CLI::App app{"The daemon inside a capture booth: depth cameras in, a person's body and live skeleton out.", "boothd"};
   ConfigSources sources;
   std::string file;
-  bool check_only = false;
+  bool check_only = false, failed_light = false;
   app.add_option("--config", file, "Configuration file; without it /etc/boothd/boothd.toml where it exists");
   app.add_option("--set", sources.assignments, "key=value, over the file's; may be given several times")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   app.add_flag("--check-config", check_only, "Print the resolved configuration, the memory plan and every error, and do nothing else");
+  app.add_flag("--failed-light", failed_light, "Show on the light that boothd has failed, until told to stop; boothd-failed.service does so")
+      ->excludes("--check-config");
   app.set_version_flag("--version", "boothd " BOOTHD_VERSION);
   app.footer("Exit status: 0 stopped as asked, 64 usage, 69 something needed at the start is missing, 70 internal fault, 78 configuration.");
   try {
@@ -326,6 +353,10 @@ int run(int argc, char** argv) {
   ::signal(SIGPIPE, SIG_IGN);
 
   try {
+    if (failed_light) {
+      show_failed_light(sources, signals);
+      return kStopped;
+    }
     const Config config = load_config(sources);
     if (check_only) print_config(config, std::cout);
     return serve(config, signals, check_only);

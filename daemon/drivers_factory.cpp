@@ -64,6 +64,8 @@ DepthSource open_synthetic(const Config& config, drivers::Pace pace, double seco
 
 }  // namespace
 
+std::shared_ptr<hal::Clock> open_system_clock() { return std::make_shared<drivers::SystemClock>(); }
+
 DepthSource open_source(const Config& config) {
   auto clock = std::make_shared<drivers::SystemClock>();
   const auto& cameras = config.cameras;

@@ -23,6 +23,9 @@ struct DepthSource {
   hal::Nanoseconds to_live{};                     ///< added to a frame's `captured`, as read at full speed, gives what it was live
 };
 
+/// The machine's clock, for what needs no cameras.
+std::shared_ptr<hal::Clock> open_system_clock();
+
 /// What cameras.driver names, at its own pace unless the configuration says otherwise. Throws std::runtime_error or std::invalid_argument naming the
 /// file, the key or the device.
 DepthSource open_source(const Config& config);

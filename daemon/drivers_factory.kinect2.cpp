@@ -5,6 +5,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdlib>
 #include <mutex>
 #include <set>
 #include <stdexcept>
@@ -18,6 +20,7 @@
 #include "drivers/recording/calibration_file.hpp"
 #include "drivers/usb/libusb_bus.hpp"
 #include "drivers/usb/power_control.hpp"
+#include "drivers/usb/recover_request.hpp"
 #ifdef BOOTHD_EMULATOR
 #include "drivers/kinect2/emulator/scene_view.hpp"
 #endif
@@ -87,8 +90,26 @@ hal::DepthCameras make_cameras(const Config& config, const kinect2::KinectShared
   return cameras;
 }
 
+/// Where the installation has somebody with more rights to ask (systemd/boothd-usb-recover@.service).
+std::shared_ptr<drivers::usb::RecoverClient> recover_client() {
+  const char* requests = std::getenv("BOOTHD_USB_REQUESTS");
+  const char* answers = std::getenv("BOOTHD_USB_ANSWERS");
+  if (requests == nullptr || *requests == '\0' || answers == nullptr || *answers == '\0') return nullptr;
+  return std::make_shared<drivers::usb::RecoverClient>(requests, answers);
+}
+
+/// Before the first sensor is opened: with too little memory for all of them each would refuse.
+void want_usbfs_memory(const Config& config, std::size_t sensors, drivers::usb::RecoverClient* root) {
+  const auto limit = open_usb_topology()->read().usbfs_memory_mb;
+  const double needed = static_cast<double>(sensors) * usbfs_bytes(config) / 1048576.0;
+  if (!limit || *limit == 0 || *limit >= needed || root == nullptr) return;
+  constexpr int kEnough = 256;
+  const auto outcome = root->ask(drivers::usb::RecoverStep::usbfs_memory, std::to_string(std::max(kEnough, static_cast<int>(std::ceil(needed)))));
+  log_line(outcome ? LogLevel::info : LogLevel::warning, outcome.sentence);
+}
+
 /// The ladder's upper rungs. What was done or went wrong is logged each time; what is not permitted or not sensible, once.
-kinect2::PowerTools power_tools() {
+kinect2::PowerTools power_tools(std::shared_ptr<drivers::usb::RecoverClient> root) {
   struct Said {
     std::mutex mutex;
     std::set<std::string> before;
@@ -103,20 +124,31 @@ kinect2::PowerTools power_tools() {
       log_line(quiet ? LogLevel::info : LogLevel::warning, outcome.sentence);
     return static_cast<bool>(outcome);
   };
-  return {.reset_port = [power, report](const std::string& path) { return report(power->reset_port(path)); },
-          .rebind_controller = [power, report](const std::string& path) { return report(power->rebind_controller(path)); }};
+  // What this process may not do itself, it asks for.
+  using drivers::usb::RecoverStep;
+  const auto or_ask = [root = std::move(root)](drivers::usb::PowerOutcome outcome, RecoverStep step, const std::string& argument) {
+    if (outcome.result != drivers::usb::PowerOutcome::Result::not_permitted || !root || argument.empty()) return outcome;
+    return root->ask(step, argument);
+  };
+  return {.reset_port = [power, report, or_ask](const std::string& path) { return report(or_ask(power->reset_port(path), RecoverStep::port, path)); },
+          .rebind_controller =
+              [power, report, or_ask](const std::string& path) {
+                return report(or_ask(power->rebind_controller(path), RecoverStep::controller, power->controller_of(path)));
+              }};
 }
 
 }  // namespace
 
 DepthSource open_kinect(const Config& config, std::shared_ptr<hal::Clock> clock) {
+  const auto root = recover_client();
   kinect2::KinectShared shared{
       .bus = drivers::usb::make_libusb_bus([](bool error, const std::string& text) { log_line(error ? LogLevel::warning : LogLevel::info, text); }),
       .clock = clock,
       .cache = std::make_shared<kinect2::CalibrationCache>(config.cameras.kinect2.cache),
-      .power = power_tools(),
+      .power = power_tools(root),
       .notes = notes(clock)};
   const auto where = positions(config, *shared.bus);
+  want_usbfs_memory(config, where.size(), root.get());
   return {.clock = clock,
           .cameras = make_cameras(config, shared, where),
           .truth = nullptr,

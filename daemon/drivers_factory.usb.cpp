@@ -1,8 +1,6 @@
 // The few lines between the daemon and drivers/usb.
 #include "daemon/drivers_factory.usb.hpp"
 
-#include <algorithm>
-
 #include "drivers/kinect2/layout.hpp"
 #include "drivers/recording/calibration_file.hpp"
 #include "drivers/usb/sysfs_topology.hpp"
@@ -12,10 +10,6 @@ namespace booth::daemon {
 namespace kinect2 = drivers::kinect2;
 
 std::unique_ptr<hal::UsbTopologySource> open_usb_topology(const std::filesystem::path& root) { return drivers::usb::make_sysfs_topology(root); }
-
-bool is_sensor(const hal::UsbDevice& device) {
-  return std::find(std::begin(kinect2::kDeviceIds), std::end(kinect2::kDeviceIds), std::pair(device.vendor, device.product)) != std::end(kinect2::kDeviceIds);
-}
 
 double usbfs_bytes(const Config& config) {
   constexpr double kLargestReply = 0x1C0000, kColourTransfers = 20;

@@ -90,6 +90,9 @@ struct Config {
   struct {
     std::string level = "info";
   } log;
+  struct {
+    std::string system_calls = "narrow";
+  } hardening;
 };
 
 }  // namespace booth::daemon

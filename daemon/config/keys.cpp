@@ -344,6 +344,12 @@ const std::vector<ConfigKey>& table() {
        .slot = BOOTH_SLOT(log.level),
        .doc = "The least important messages that are logged.",
        .choices = {"error", "warning", "info", "debug"}},
+      {.name = "hardening.system_calls",
+       .slot = BOOTH_SLOT(hardening.system_calls),
+       .doc = "What boothd may ask of the kernel once it is ready: `narrow`, a measured list; `all`, what its unit allows, for a library or driver that needs "
+              "more "
+              "than was measured. With a CUDA device `narrow` is `all`.",
+       .choices = {"narrow", "all"}},
   };
   return keys;
 }

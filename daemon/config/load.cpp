@@ -154,7 +154,9 @@ struct Loader {
 
 ConfigError::ConfigError(std::vector<std::string> problems) : std::runtime_error(join_lines(problems)), problems_(std::move(problems)) {}
 
-Config load_config(const ConfigSources& sources) {
+namespace {
+
+Loader collect(const ConfigSources& sources) {
   Loader loader;
   if (const char* run = std::getenv("RUNTIME_DIRECTORY"); run && *run) loader.config.control.socket = std::string(run) + "/control.sock";
   if (const char* state = std::getenv("STATE_DIRECTORY"); state && *state) {
@@ -176,7 +178,21 @@ Config load_config(const ConfigSources& sources) {
   std::sort(drop_ins.begin(), drop_ins.end());
   for (const auto& path : drop_ins) loader.file(path);
   for (const auto& text : sources.assignments) loader.assignment(text);
+  return loader;
+}
 
+}  // namespace
+
+Config load_what_is_right(const ConfigSources& sources) {
+  try {
+    return collect(sources).config;
+  } catch (const std::exception&) {
+    return {};
+  }
+}
+
+Config load_config(const ConfigSources& sources) {
+  Loader loader = collect(sources);
   const Config& c = loader.config;
   if (loader.problems.empty()) {
     if (c.cameras.driver == "recording" && c.cameras.recording.path.empty())

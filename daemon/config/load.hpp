@@ -33,6 +33,9 @@ struct ConfigSources {
 /// Throws ConfigError with all problems of all sources.
 Config load_config(const ConfigSources& sources);
 
+/// What is right of it, without a word about the rest: for what must be shown of a boothd that cannot start. Never throws.
+Config load_what_is_right(const ConfigSources& sources);
+
 /// The resolved configuration as TOML that load_config() accepts.
 void print_config(const Config& config, std::ostream& out);
 

@@ -6,8 +6,9 @@
 
 namespace booth::daemon {
 
-/// Blinks of the fault pattern, in the order in which they are shown when several apply; docs/guide/buttons-and-light.md says what to do about each.
-enum class FaultCode : int { none = 0, emergency_stop = 1, too_few_cameras = 2, not_saved = 3, panel = 4 };
+/// Blinks of the fault pattern, in the order in which they are shown when several apply, `failed` by another process when boothd has failed for good;
+/// docs/guide/buttons-and-light.md says what to do about each.
+enum class FaultCode : int { none = 0, emergency_stop = 1, too_few_cameras = 2, not_saved = 3, panel = 4, failed = 5 };
 
 struct LightFacts {
   SessionState state{};

@@ -22,6 +22,8 @@ using Result = PowerOutcome::Result;
 
 constexpr hal::Nanoseconds kWithoutPower = 2s, kUnbound = 1s, kBindPause = 500ms;
 constexpr int kBindTries = 5;
+constexpr int kHubClass = 9;
+constexpr int kMostUsbfsMemory = 1024;  ///< MiB; four sensors take about 50
 
 /// An attribute opened for writing.
 class Attribute {
@@ -102,22 +104,63 @@ PowerOutcome PowerControl::rebind_controller(const std::string& text) {
   const auto* controller = known == controllers_.end() ? nullptr : find_controller(seen, known->second);
   if (controller == nullptr || !controller->on_pci || !is_pci_address(controller->id) || !is_xhci_driver(controller->driver))
     return {Result::refused, "port " + text + " belongs to no xHCI controller on PCI that could be bound anew"};
-  constexpr int kHubClass = 9;
   for (const auto& d : seen.devices)
     if (d.controller == controller->id && parse_port_name(d.path) && d.path != text && d.device_class != kHubClass)
       return {Result::refused, "controller " + controller->id + " is not bound anew: the device at port " + d.path + " hangs on it too"};
-  const auto folder = sysfs_.at(pci_driver_folder(controller->driver));
+  return rebind(*controller);
+}
+
+PowerOutcome PowerControl::rebind_controller_at(const std::string& address) {
+  const std::lock_guard lock(mutex_);
+  const auto seen = look();
+  const auto* controller = is_pci_address(address) ? find_controller(seen, address) : nullptr;
+  if (controller == nullptr || !controller->on_pci || !is_xhci_driver(controller->driver))
+    return {Result::refused, "\"" + address.substr(0, 32) + "\" is not the PCI address of an xHCI controller of this machine"};
+  int ours = 0;
+  for (const auto& d : seen.devices) {
+    if (d.controller != address || !parse_port_name(d.path) || d.device_class == kHubClass) continue;
+    ours += ours_(d);
+    if (!ours_(d) || ours > 1) return {Result::refused, "controller " + address + " is not bound anew: the device at port " + d.path + " hangs on it too"};
+  }
+  return rebind(*controller);
+}
+
+std::string PowerControl::controller_of(const std::string& text) {
+  const std::lock_guard lock(mutex_);
+  const auto port = parse_port_name(text);
+  if (!port) return "";
+  (void)look();
+  const auto known = controllers_.find(port->bus);
+  return known == controllers_.end() ? "" : known->second;
+}
+
+PowerOutcome PowerControl::raise_usbfs_memory(const std::string& text) {
+  const std::lock_guard lock(mutex_);
+  const bool digits = !text.empty() && text.size() <= 4 && text.find_first_not_of("0123456789") == std::string::npos && text[0] != '0';
+  const int wanted = digits ? std::stoi(text) : 0;
+  if (wanted < 1 || wanted > kMostUsbfsMemory) return {Result::refused, "\"" + text.substr(0, 32) + "\" is no amount of usbfs memory: 1 to 1024 MiB"};
+  const auto now = look().usbfs_memory_mb;
+  if (!now) return {Result::failed, "this kernel shows no usbfs memory"};
+  if (*now == 0 || *now >= wanted) return {Result::done, "usbfs memory is " + (*now == 0 ? std::string("without limit") : std::to_string(*now) + " MiB")};
+  Attribute limit(sysfs_.at("sys/module/usbcore/parameters/usbfs_memory_mb"));
+  if (limit.error() != 0) return cannot_open(limit, "usbfs memory cannot be raised");
+  if (!limit.write(text)) return {Result::failed, "usbfs memory could not be raised: " + limit.why()};
+  return {Result::done, "usbfs memory is " + text + " MiB now"};
+}
+
+PowerOutcome PowerControl::rebind(const hal::UsbController& controller) {
+  const auto folder = sysfs_.at(pci_driver_folder(controller.driver));
   // Both before the first write: a controller that can be unbound but not bound would be lost.
   Attribute unbind(folder / "unbind"), bind(folder / "bind");
-  if (unbind.error() != 0) return cannot_open(unbind, "controller " + controller->id + " cannot be unbound");
-  if (bind.error() != 0) return cannot_open(bind, "controller " + controller->id + " cannot be bound");
-  if (!unbind.write(controller->id)) return {Result::failed, "controller " + controller->id + " could not be unbound: " + unbind.why()};
+  if (unbind.error() != 0) return cannot_open(unbind, "controller " + controller.id + " cannot be unbound");
+  if (bind.error() != 0) return cannot_open(bind, "controller " + controller.id + " cannot be bound");
+  if (!unbind.write(controller.id)) return {Result::failed, "controller " + controller.id + " could not be unbound: " + unbind.why()};
   pause_(kUnbound);
   for (int i = 0; i < kBindTries; ++i) {
-    if (bind.write(controller->id)) return {Result::done, "controller " + controller->id + " was bound anew"};
+    if (bind.write(controller.id)) return {Result::done, "controller " + controller.id + " was bound anew"};
     pause_(kBindPause);
   }
-  return {Result::failed, "controller " + controller->id + " was unbound and cannot be bound again: " + bind.why() + "; restart the machine"};
+  return {Result::failed, "controller " + controller.id + " was unbound and cannot be bound again: " + bind.why() + "; restart the machine"};
 }
 
 }  // namespace booth::drivers::usb

@@ -31,8 +31,15 @@ class PowerControl {
   /// Unbinds and binds the PCI function of the controller to which this port belongs or belonged. Refuses while anything but this camera and hubs hangs on
   /// it: another camera that delivers, a disk, a keyboard.
   PowerOutcome rebind_controller(const std::string& port);
+  /// The same for a controller named by its PCI address; refuses when more than one device of ours hangs on it.
+  PowerOutcome rebind_controller_at(const std::string& address);
+  /// usbfs memory of the whole machine, MiB as digits, at most 1024; never made smaller.
+  PowerOutcome raise_usbfs_memory(const std::string& mebibytes);
+  /// PCI address of the controller to which this port belongs or belonged; empty where it is not known.
+  std::string controller_of(const std::string& port);
 
  private:
+  PowerOutcome rebind(const hal::UsbController& controller);
   hal::UsbTopology look();
 
   const std::function<bool(const hal::UsbDevice&)> ours_;

@@ -124,6 +124,7 @@ TEST(Reference, EveryPackageThatTheBuildLooksForIsInTheList) {
                                                                 {"tomlplusplus", "libtomlplusplus-dev"},
                                                                 {"SYSTEMD", "libsystemd-dev"},
                                                                 {"OpenSSL", "libssl-dev"},
+                                                                {"SECCOMP", "libseccomp-dev"},
                                                                 {"fastcdr", "libfastcdr-dev"},
                                                                 {"SQLite3", "libsqlite3-dev"},
                                                                 {"SQLITE", "libsqlite3-dev"},

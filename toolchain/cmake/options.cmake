@@ -9,6 +9,8 @@ target_compile_options(booth_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow
 # Eigen cuts large products into blocks by the sizes of the processor's caches, and with them the order of its sums: without its look at the processor
 # every machine cuts alike and gives the same bits.
 target_compile_definitions(booth_options INTERFACE EIGEN_MAX_ALIGN_BYTES=16 EIGEN_NO_CPUID EIGEN_MPL2_ONLY)
+# Addresses of libraries' functions are resolved at the start and read-only from then on, in every build; the packages' further hardening: toolchain/package.
+target_link_options(booth_options INTERFACE LINKER:-z,relro,-z,now)
 if(BOOTHD_WERROR)
   target_compile_options(booth_options INTERFACE -Werror)
 endif()
