@@ -2,7 +2,6 @@
 #include "tests/house/dependency_rule.hpp"
 
 #include <algorithm>
-#include <array>
 #include <fstream>
 #include <functional>
 #include <iterator>
@@ -20,31 +19,31 @@ std::string library_of(const std::string& header) {
     const char* header;
     const char* library;
   };
-  static constexpr std::array<Prefix, 24> prefixes{{{"Eigen/", "Eigen"},
-                                                    {"flann/", "FLANN"},
-                                                    {"libusb-1.0/", "libusb"},
-                                                    {"gpiod.h", "libgpiod"},
-                                                    {"png.h", "libpng"},
-                                                    {"sqlite3.h", "SQLite"},
-                                                    {"fastcdr/", "Fast-CDR"},
-                                                    {"zstd.h", "zstd"},
-                                                    {"toml++/", "toml++"},
-                                                    {"CLI/", "CLI11"},
-                                                    {"fmt/", "fmt"},
-                                                    {"nlohmann/", "nlohmann-json"},
-                                                    {"systemd/", "libsystemd"},
-                                                    {"dds/", "Cyclone DDS"},
-                                                    {"zlib.h", "zlib"},
-                                                    {"opencv2/", "OpenCV"},
-                                                    {"assimp/", "assimp"},
-                                                    {"gtest/", "GoogleTest"},
-                                                    {"gmock/", "GoogleTest"},
-                                                    {"rapidcheck", "RapidCheck"},
-                                                    {"benchmark/", "Google Benchmark"},
-                                                    {"seccomp.h", "libseccomp"},
-                                                    {"openssl/", "OpenSSL"},
-                                                    {"sodium.h", "libsodium"},
-                                                    {"cuda_runtime.h", "CUDA"}}};
+  static constexpr Prefix prefixes[] = {{"Eigen/", "Eigen"},
+                                        {"flann/", "FLANN"},
+                                        {"libusb-1.0/", "libusb"},
+                                        {"gpiod.h", "libgpiod"},
+                                        {"png.h", "libpng"},
+                                        {"sqlite3.h", "SQLite"},
+                                        {"fastcdr/", "Fast-CDR"},
+                                        {"zstd.h", "zstd"},
+                                        {"toml++/", "toml++"},
+                                        {"CLI/", "CLI11"},
+                                        {"fmt/", "fmt"},
+                                        {"nlohmann/", "nlohmann-json"},
+                                        {"systemd/", "libsystemd"},
+                                        {"dds/", "Cyclone DDS"},
+                                        {"zlib.h", "zlib"},
+                                        {"opencv2/", "OpenCV"},
+                                        {"assimp/", "assimp"},
+                                        {"gtest/", "GoogleTest"},
+                                        {"gmock/", "GoogleTest"},
+                                        {"rapidcheck", "RapidCheck"},
+                                        {"benchmark/", "Google Benchmark"},
+                                        {"seccomp.h", "libseccomp"},
+                                        {"openssl/", "OpenSSL"},
+                                        {"sodium.h", "libsodium"},
+                                        {"cuda_runtime.h", "CUDA"}};
   for (const Prefix& p : prefixes)
     if (starts_with(header, p.header)) return p.library;
   static const std::set<std::string> compiler{"immintrin.h", "arm_neon.h"};
