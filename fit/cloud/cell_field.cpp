@@ -25,7 +25,9 @@ constexpr float kUsable = 1000;               // m
 constexpr int kMost = 512;                    // cells along an axis
 constexpr int kChunk = 16;                    // cells along x that are treated together
 constexpr int kTasks = 16;
-constexpr int kMargin = 5;            // cells beyond the band on every side: the two outermost of the coarse grid have no point
+// Cells beyond the band on every side, to the first cell's centre: the two outermost of the coarse grid have no point. A device takes 1.8 bricks to the first
+// cell's corner (fit/swarm/device/point_kernels.hpp): two and a half cells more, so that its cells lie as these do and both fields mostly choose alike.
+constexpr float kMargin = 4.7f;
 constexpr float kMostBand = 27;       // cells, which a word still holds with the band's last cell
 constexpr int kReach = 1;             // layers and rows to either side to which a point offers itself
 constexpr int kBefore = 3, kRow = 8;  // ... and cells along x: so many before its own, so many in all
