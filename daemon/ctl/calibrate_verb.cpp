@@ -284,10 +284,14 @@ void calibrate_live(const Options& o) {
   LiveCaptureSettings settings;
   settings.board = board_of(o);
   LiveCaptureHooks hooks;
+  constexpr int kPatience = 4;
+  int waited = 0;
   std::string said;
   hooks.news = [&](const CaptureNews& news) {
     if (panel.panel) tell_panel(*panel.panel, news);
-    if (move_on && (news.cue == CaptureCue::captured || news.cue == CaptureCue::elsewhere)) move_on();
+    // The simulated person moves on after a view, and when a place turns out to be no good; a look or two may still show where he was.
+    waited = news.cue == CaptureCue::hold_still ? 0 : waited + 1;
+    if (move_on && (news.cue == CaptureCue::captured || waited >= kPatience)) move_on(), waited = 0;
     std::string seen;
     for (const auto& name : news.seen) seen += (seen.empty() ? "" : ", ") + name;
     const std::string line =

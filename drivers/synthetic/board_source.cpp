@@ -59,11 +59,10 @@ class InstallerCamera final : public hal::DepthCamera {
 }  // namespace
 
 std::optional<ShownBoard> SimulatedInstaller::shows() const {
-  const std::size_t at = at_;
-  if (at >= places_.size()) return std::nullopt;
+  if (places_.empty()) return std::nullopt;
   ShownBoard shown;
   shown.board = board_;
-  shown.booth_from_board = places_[at];
+  shown.booth_from_board = places_[at_ % places_.size()];
   return shown;
 }
 

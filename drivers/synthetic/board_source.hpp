@@ -15,7 +15,7 @@ namespace booth::drivers {
 class SimulatedInstaller {
  public:
   SimulatedInstaller(const fit::calibrate::Board& board, std::vector<fit::calibrate::Rigid> places) : board_(board), places_(std::move(places)) {}
-  /// To the next place; after the last he leaves.
+  /// To the next place; after the last to the first again.
   void move_on() { ++at_; }
   std::optional<ShownBoard> shows() const;
 
