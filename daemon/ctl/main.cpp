@@ -31,6 +31,7 @@ int main(int argc, char** argv) {
   add_evaluate_verb(app);
   add_command_verb(app);
   add_security_verb(app);
+  add_calibrate_verb(app);
   add_config_verb(app);
   std::signal(SIGPIPE, SIG_IGN);
   try {

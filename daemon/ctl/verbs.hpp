@@ -30,6 +30,7 @@ void add_decrypt_verbs(CLI::App& app);     ///< decrypt, key
 void add_record_verbs(CLI::App& app);      ///< record, snapshot
 void add_command_verb(CLI::App& app);      ///< command
 void add_security_verb(CLI::App& app);     ///< security init, issue, revoke, show
+void add_calibrate_verb(CLI::App& app);    ///< calibrate
 void add_config_verb(CLI::App& app);       ///< config reference
 
 }  // namespace booth::daemon

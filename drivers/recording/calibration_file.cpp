@@ -52,6 +52,13 @@ void write_camera(std::ostream& out, const hal::CameraDescription& c, const Cali
 
 }  // namespace
 
+std::string camera_table_text(const hal::CameraDescription& camera, const std::string& folder) {
+  std::ostringstream out;
+  const CalibrationFiles files{folder, {}};
+  write_camera(out, camera, folder.empty() ? nullptr : &files);
+  return out.str();
+}
+
 std::string calibration_text(const std::vector<hal::CameraDescription>& cameras, const std::vector<CalibrationFiles>& files) {
   std::ostringstream out;
   out << "# World frame: x forward, y left, z up, metres, origin on the floor at the middle of the stage.\nversion = 1\n";

@@ -27,4 +27,7 @@ std::string calibration_text(const std::vector<hal::CameraDescription>& cameras,
 /// Numbers are written so that reading them gives the same bits. `files` is empty or has one entry for each camera. Throws std::runtime_error.
 void write_calibration(const std::filesystem::path& file, const std::vector<hal::CameraDescription>& cameras, const std::vector<CalibrationFiles>& files = {});
 
+/// One [[camera]] table, for a file that says more than that; `folder` empty: none is named. Keys may be appended.
+std::string camera_table_text(const hal::CameraDescription& camera, const std::string& folder = {});
+
 }  // namespace booth::drivers

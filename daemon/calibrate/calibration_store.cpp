@@ -1,0 +1,126 @@
+// TOML out through fmt, TOML in through toml++.
+#include "daemon/calibrate/calibration_store.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#define TOML_ENABLE_FORMATTERS 0
+#include <toml++/toml.h>
+
+#include "daemon/calibrate/view_collector.hpp"
+#include "daemon/drivers_factory.calibration.hpp"
+#include "daemon/io/atomic_file.hpp"
+
+namespace booth::daemon {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr std::size_t kKept = 10;
+
+/// A float in TOML; the shortest that reads back to the same bits.
+std::string real(double value) {
+  std::string text = fmt::format("{}", value);
+  return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
+}
+
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    if (static_cast<unsigned char>(c) >= 0x20 && c != 0x7f) out += c;
+  }
+  return out + "\"";
+}
+
+/// What the backup of a file is called by: its own time where it has one, else the time it was written.
+std::string time_of(const fs::path& file) {
+  try {
+    const toml::table root = toml::parse_file(file.string());
+    if (const auto utc = root["calibration"]["utc"].value<std::string>(); utc && utc->size() == 20) {
+      std::string out = *utc;
+      std::erase_if(out, [](char c) { return !std::isalnum(static_cast<unsigned char>(c)); });
+      return out;
+    }
+  } catch (const toml::parse_error&) {
+  }
+  return fmt::format("{}", fs::last_write_time(file).time_since_epoch().count());
+}
+
+void keep_old(const fs::path& file) {
+  std::error_code error;
+  if (!fs::exists(file, error)) return;
+  const std::string stem = file.stem().string() + ".before-";
+  const fs::path backup = file.parent_path() / (stem + time_of(file) + ".toml");
+  fs::copy_file(file, backup, fs::copy_options::overwrite_existing, error);
+  if (error) throw std::runtime_error(fmt::format("{}: the calibration before cannot be kept ({}); nothing was changed", backup.string(), error.message()));
+  std::vector<fs::path> kept;
+  for (const auto& entry : fs::directory_iterator(file.parent_path().empty() ? "." : file.parent_path(), error))
+    if (const std::string name = entry.path().filename().string(); name.starts_with(stem) && name.ends_with(".toml")) kept.push_back(entry.path());
+  std::sort(kept.begin(), kept.end());
+  for (std::size_t i = 0; i + kKept < kept.size(); ++i) fs::remove(kept[i], error);
+}
+
+}  // namespace
+
+std::string calibration_text(const CalibrationRecord& r) {
+  const auto& c = r.result;
+  std::string out = fmt::format(
+      "# Where the cameras stand, and how far this can be trusted (docs/guide/calibrate.md). Made by boothctl calibrate; rather make it anew than edit it.\n"
+      "# World frame: x forward, y left, z up, metres, origin on the floor at the middle of the stage.\n"
+      "version = 1\n\n[calibration]\nutc = {}\nby = {}\nsoftware = {}\nsquare_mm = {}\nviews = {}\npictures_left_out = {}\norigin = {}\nfloor_rms_mm = {}\n"
+      "square_ratio = {}  # of the board's squares by depth to what they should be\n\n"
+      "[calibration.held_out]  # errors on views that the fit had not seen\nviews = {}\npictures = {}\nreprojection_px = {}\ncorner_mm = {}  # between "
+      "cameras\n"
+      "corner_p95_mm = {}\nplane_mm = {}  # of corrected depth against the board\n",
+      quoted(r.utc), quoted(r.by), quoted(r.software), real(1000 * r.square), r.views, c.left_out, quoted(c.origin_from_board ? "board" : "layout"),
+      real(c.floor_rms_mm), real(c.square_ratio), c.errors.views, c.errors.pictures, real(c.errors.reprojection_px), real(c.errors.corner_mm),
+      real(c.errors.corner_p95_mm), real(c.errors.plane_mm));
+  for (std::size_t i = 0; i < r.cameras.size(); ++i) {
+    hal::CameraDescription camera = r.cameras[i];
+    const auto& found = c.cameras[i];
+    const auto& error = c.errors.camera[i];
+    camera.camera_to_world = transform_of(found.booth_from_camera);
+    out += camera_table(camera);
+    out += fmt::format(
+        "depth_gain = {}\ndepth_offset = {}  # it reads (1 + gain) z + offset metres at true depth z\nposition_sd_mm = {}\nangle_sd_deg = {}\npictures = {}\n"
+        "reprojection_px = {}\ncorner_mm = {}\nplane_mm = {}\n",
+        real(found.depth.gain), real(found.depth.offset), real(found.position_sd_mm), real(found.angle_sd_deg), found.pictures, real(error.reprojection_px),
+        real(error.corner_mm), real(error.plane_mm));
+  }
+  return out;
+}
+
+void store_calibration(const fs::path& file, const CalibrationRecord& record) {
+  if (!record.result.accepted()) throw std::runtime_error("a calibration that was refused is not stored");
+  keep_old(file);
+  write_file_atomically(file, calibration_text(record));
+}
+
+StoredCalibration load_calibration(const fs::path& file) {
+  StoredCalibration out;
+  out.cameras = read_cameras(file);
+  const toml::table root = toml::parse_file(file.string());
+  const auto* tables = root["camera"].as_array();
+  for (std::size_t i = 0; i < out.cameras.size(); ++i) {
+    fit::calibrate::CalibratedCamera c;
+    c.booth_from_camera = rigid_of(out.cameras[i].camera_to_world);
+    const toml::table* table = tables != nullptr ? (*tables)[i].as_table() : nullptr;
+    const auto number = [&](const char* key) {
+      if (table == nullptr || !table->contains(key)) return 0.0;
+      const auto value = (*table)[key].value<double>();
+      if (!value || !(std::abs(*value) < 0.5))
+        throw std::runtime_error(fmt::format("{}: camera {}, {} must be a number between -0.5 and 0.5", file.string(), i + 1, key));
+      return *value;
+    };
+    c.depth = {number("depth_gain"), number("depth_offset")};
+    out.calibrated.push_back(c);
+  }
+  if (const auto square = root["calibration"]["square_mm"].value<double>(); square && *square > 1 && *square < 1000) out.square = *square / 1000;
+  out.utc = root["calibration"]["utc"].value_or(std::string());
+  out.by = root["calibration"]["by"].value_or(std::string());
+  return out;
+}
+
+}  // namespace booth::daemon

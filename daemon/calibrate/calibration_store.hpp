@@ -1,0 +1,38 @@
+// calibration.toml with what was measured: the last good one stays until a better one is whole, and those before it are kept.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fit/calibrate/calibration.hpp"
+#include "hal/depth_frame.hpp"
+
+namespace booth::daemon {
+
+/// A calibration as it is stored.
+struct CalibrationRecord {
+  std::vector<hal::CameraDescription> cameras;  ///< with names, serials and intrinsics; places are those of `result` when it is written
+  fit::calibrate::Calibration result;           ///< accepted
+  std::string utc, by, software;                ///< when ("2026-11-28T09:00:00Z"), who, what made it
+  double square = 0;                            ///< metres
+  int views = 0;
+};
+
+/// The file's text. Numbers are written so that reading them gives the same bits.
+std::string calibration_text(const CalibrationRecord& record);
+
+/// Replaces `file` in one step; what stood there is kept beside it as NAME.before-<its time>.toml, the last ten of those. Throws std::runtime_error.
+void store_calibration(const std::filesystem::path& file, const CalibrationRecord& record);
+
+/// What a file says of the cameras and their depth; files without depth keys (written by hand) have none. Throws std::runtime_error naming file and key.
+struct StoredCalibration {
+  std::vector<hal::CameraDescription> cameras;
+  std::vector<fit::calibrate::CalibratedCamera> calibrated;
+  std::optional<double> square;  ///< metres
+  std::string utc, by;
+};
+StoredCalibration load_calibration(const std::filesystem::path& file);
+
+}  // namespace booth::daemon

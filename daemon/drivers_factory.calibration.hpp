@@ -1,0 +1,51 @@
+// What the calibration needs from the drivers: camera tables, 16-bit pictures, and simulated cameras that see a board.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "hal/clock.hpp"
+#include "hal/depth_camera.hpp"
+#include "hal/depth_frame.hpp"
+
+namespace booth::daemon {
+
+/// The [[camera]] tables of a calibration.toml. Throws std::runtime_error naming file, line and key.
+std::vector<hal::CameraDescription> read_cameras(const std::filesystem::path& file);
+/// One [[camera]] table; keys may be appended. `folder` empty: none is named.
+std::string camera_table(const hal::CameraDescription& camera, const std::string& folder = {});
+
+/// A 16-bit grey PNG of this size; nothing when there is no such file. Throws std::runtime_error when it is broken or of another size.
+std::optional<std::vector<std::uint16_t>> read_picture(const std::filesystem::path& file, int width, int height);
+void write_picture(const std::filesystem::path& file, int width, int height, const std::vector<std::uint16_t>& pixels);
+
+/// Somebody who walks through a simulated booth of four cameras and shows the board.
+struct SimulatedViews {
+  double square = 0.108;  ///< metres
+  int views = 24;         ///< held up; one more lies on the floor
+  std::string noise = "kinect2";
+  std::uint64_t seed = 1;
+};
+/// The cameras as the plan has them (the first vector) and as they really hang, some centimetres and degrees beside it (the second).
+struct SimulatedCameras {
+  std::vector<hal::CameraDescription> planned, real;
+};
+SimulatedCameras simulated_cameras(std::uint64_t seed);
+/// Gives the frames of a view, infrared included, one for each camera; views are numbered from 0 to `views` (the last one: on the floor). One thread at a
+/// time. Throws std::invalid_argument naming the setting.
+std::function<std::vector<hal::DepthFrame>(int view)> simulated_views(const SimulatedViews& settings);
+
+/// The same booth live: cameras that deliver infrared, and the person who moves on when he is told that a view was taken.
+struct SimulatedCalibration {
+  std::shared_ptr<hal::Clock> clock;
+  hal::DepthCameras cameras;
+  std::function<void()> move_on;
+};
+SimulatedCalibration open_simulated_calibration(const SimulatedViews& settings, double rate);
+
+}  // namespace booth::daemon

@@ -1,0 +1,40 @@
+// Where a board is, from one picture of it: the start of everything else.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "fit/calibrate/board.hpp"
+#include "fit/calibrate/lens.hpp"
+#include "fit/calibrate/rigid.hpp"
+
+namespace booth::fit::calibrate {
+
+/// What a depth camera measured at a pixel: the ray (x, y, 1) of the pixel and metres along z.
+struct DepthSample {
+  double x, y, z;
+};
+
+/// One board in one picture.
+struct Sighting {
+  int view = 0;    ///< moments in the order of time
+  int camera = 0;  ///< position in the list of lenses
+  std::vector<int> corner;
+  Eigen::Matrix2Xd pixel;          ///< of each corner
+  std::vector<DepthSample> depth;  ///< on the board's white cells; may be empty
+};
+
+struct BoardPose {
+  Rigid camera_from_board;
+  double rms_px = 0;  ///< of the corners
+};
+
+/// A flat board seen from afar has two poses that fit almost alike; of those that fit the corners about as well as the best, the one whose plane agrees with
+/// the measured depth is taken. Homography, then Levenberg-Marquardt through the lens. Nothing when fewer than six corners or corners on a line.
+std::optional<BoardPose> pose_of_board(const Lens& lens, const Board& board, const Sighting& sighting);
+
+/// Metres along z at which a ray meets the board's plane; NaN where it does not.
+double depth_of_plane(const Rigid& camera_from_board, double x, double y);
+
+}  // namespace booth::fit::calibrate

@@ -1,0 +1,198 @@
+// The board's page, the folder of views, the stored calibration and the flow of a capture.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <regex>
+
+#include "daemon/calibrate/board_pdf.hpp"
+#include "daemon/calibrate/calibration_store.hpp"
+#include "daemon/calibrate/capture_flow.hpp"
+#include "daemon/calibrate/view_folder.hpp"
+#include "daemon/drivers_factory.calibration.hpp"
+#include "daemon/io/atomic_file.hpp"
+
+namespace booth::tests {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace daemon;
+using fit::calibrate::Board;
+using fit::calibrate::Rigid;
+
+/// A folder of its own, gone afterwards.
+struct Scratch {
+  fs::path path;
+  Scratch() {
+    std::string name = (fs::temp_directory_path() / "boothd-calibrate-XXXXXX").string();
+    path = ::mkdtemp(name.data());
+  }
+  ~Scratch() {
+    std::error_code ignored;
+    fs::remove_all(path, ignored);
+  }
+};
+
+TEST(BoardPdf, EachPaperHasItsSizeAndItsBlackSquaresTrueToScale) {
+  for (const auto& paper : fit::calibrate::papers()) {
+    const std::string pdf = board_pdf(paper);
+    EXPECT_THAT(pdf, testing::StartsWith("%PDF-1.4\n"));
+    EXPECT_THAT(pdf, testing::HasSubstr("/PrintScaling /None"));
+    std::smatch box;
+    ASSERT_TRUE(std::regex_search(pdf, box, std::regex(R"(/MediaBox \[0 0 ([0-9.]+) ([0-9.]+)\])")));
+    EXPECT_NEAR(std::stod(box[1]) * 25.4 / 72, paper.width, 0.01);
+    EXPECT_NEAR(std::stod(box[2]) * 25.4 / 72, paper.height, 0.01);
+    // Rectangles as large as a square, where black ones belong.
+    const std::regex rectangle(R"(([0-9.]+) ([0-9.]+) ([0-9.]+) ([0-9.]+) re f)");
+    int squares = 0;
+    for (auto it = std::sregex_iterator(pdf.begin(), pdf.end(), rectangle); it != std::sregex_iterator(); ++it) {
+      const double x = std::stod((*it)[1]) * 25.4 / 72, y = std::stod((*it)[2]) * 25.4 / 72, w = std::stod((*it)[3]) * 25.4 / 72;
+      if (std::abs(w - paper.square) > 0.01) continue;
+      ++squares;
+      const double column = (x - (paper.width - Board::kColumns * paper.square) / 2) / paper.square;
+      const double row = Board::kRows - 1 - (y - (paper.height - Board::kRows * paper.square) / 2) / paper.square;
+      EXPECT_NEAR(column, std::round(column), 1e-3);
+      EXPECT_TRUE(Board::black(static_cast<int>(std::round(row)), static_cast<int>(std::round(column))));
+    }
+    EXPECT_EQ(squares, 18);
+    // The table of a PDF points at its objects.
+    const auto table = pdf.rfind("startxref\n");
+    EXPECT_EQ(pdf.compare(std::stoul(pdf.substr(table + 10)), 4, "xref"), 0);
+  }
+}
+
+CalibrationRecord record() {
+  CalibrationRecord r;
+  r.cameras = simulated_cameras(1).planned;
+  r.utc = "2026-11-28T09:00:00Z", r.by = "Ana \"the\" installer", r.software = "boothd test", r.square = 0.108, r.views = 25;
+  r.result.errors.camera.resize(4);
+  for (std::size_t i = 0; i < 4; ++i) {
+    fit::calibrate::CalibratedCamera c;
+    c.booth_from_camera = Rigid{fit::calibrate::rotation_by({0.1 * static_cast<double>(i), 0.3, -0.2}), {1.0 / 3, 2, 1.6}};
+    c.depth = {0.00123, -0.0045};
+    r.result.cameras.push_back(c);
+  }
+  return r;
+}
+
+TEST(CalibrationStore, WhatIsStoredIsReadBackToTheBit) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  const CalibrationRecord r = record();
+  store_calibration(file, r);
+  const StoredCalibration back = load_calibration(file);
+  ASSERT_EQ(back.cameras.size(), 4u);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(back.cameras[i].serial, r.cameras[i].serial);
+    EXPECT_EQ(back.calibrated[i].booth_from_camera.translation, r.result.cameras[i].booth_from_camera.translation);
+    EXPECT_EQ(back.calibrated[i].depth.gain, 0.00123);
+    EXPECT_EQ(back.calibrated[i].depth.offset, -0.0045);
+  }
+  EXPECT_EQ(back.by, r.by);
+  EXPECT_EQ(back.square, 0.108);
+}
+
+TEST(CalibrationStore, TheOneBeforeIsKeptAndARefusedOneTouchesNothing) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  CalibrationRecord r = record();
+  store_calibration(file, r);
+  r.utc = "2026-11-29T10:00:00Z";
+  store_calibration(file, r);
+  EXPECT_EQ(load_calibration(file).utc, "2026-11-29T10:00:00Z");
+  EXPECT_EQ(load_calibration(scratch.path / "calibration.before-20261128T090000Z.toml").utc, "2026-11-28T09:00:00Z");
+  r.result.refusal = fit::calibrate::Refusal::inaccurate;
+  EXPECT_THROW(store_calibration(file, r), std::runtime_error);
+  EXPECT_EQ(load_calibration(file).utc, "2026-11-29T10:00:00Z");
+  for (int day = 10; day < 28; ++day) {
+    r.result.refusal = fit::calibrate::Refusal::none;
+    r.utc = "2026-12-" + std::to_string(day) + "T10:00:00Z";
+    store_calibration(file, r);
+  }
+  EXPECT_EQ(std::distance(fs::directory_iterator(scratch.path), fs::directory_iterator()), 11);
+}
+
+TEST(CalibrationStore, NonsenseIsNamed) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  std::string text = calibration_text(record());
+  const auto at = text.find("depth_gain = 0.00123");
+  text.replace(at, 20, "depth_gain = nan");
+  write_file_atomically(file, text);
+  try {
+    load_calibration(file);
+    FAIL() << "a gain that is no number was taken";
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(), testing::HasSubstr("camera 1, depth_gain must be a number"));
+  }
+  EXPECT_THROW(load_calibration(scratch.path / "absent.toml"), std::runtime_error);
+}
+
+TEST(ViewFolder, ViewsAreReadAsTheyWereWritten) {
+  const Scratch scratch;
+  ViewFolder out = create_view_folder(scratch.path / "views", simulated_cameras(1).planned);
+  std::vector<hal::DepthFrame> frames(2);
+  for (std::size_t i = 0; i < 2; ++i) {
+    frames[i].camera = static_cast<hal::CameraIndex>(2 * i);
+    frames[i].infrared.assign(512 * 424, static_cast<std::uint16_t>(100 + i));
+    if (i == 0) frames[i].depth.assign(512 * 424, 2345);
+  }
+  write_view(out, frames);
+  const ViewFolder in = open_view_folder(scratch.path / "views");
+  EXPECT_EQ(in.views, 1);
+  const auto back = read_view(in, 0);
+  ASSERT_EQ(back.size(), 2u);
+  EXPECT_EQ(hal::to_int(back[1].camera), 2);
+  EXPECT_EQ(back[0].infrared, frames[0].infrared);
+  EXPECT_EQ(back[0].depth, frames[0].depth);
+  EXPECT_TRUE(back[1].depth.empty());
+  EXPECT_THROW(create_view_folder(scratch.path / "views", in.cameras), std::runtime_error);
+}
+
+TEST(ViewFolder, WhatIsMissingOrBrokenIsNamed) {
+  const Scratch scratch;
+  EXPECT_THROW(open_view_folder(scratch.path), std::runtime_error);
+  create_view_folder(scratch.path / "views", simulated_cameras(1).planned);
+  try {
+    open_view_folder(scratch.path / "views");
+    FAIL() << "a folder without views was taken";
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(), testing::HasSubstr("there are no views"));
+  }
+  std::ofstream(scratch.path / "views/front-left/view-000.infrared.png") << "no picture";
+  const ViewFolder folder = open_view_folder(scratch.path / "views");
+  EXPECT_THROW(read_view(folder, 0), std::runtime_error);
+  auto cameras = simulated_cameras(1).planned;
+  cameras[0].name = "../outside";
+  EXPECT_THROW(create_view_folder(scratch.path / "other", cameras), std::runtime_error);
+}
+
+BoardLook seen_at(double seconds, double x, std::initializer_list<int> cameras) {
+  BoardLook look{seconds, {}, false};
+  for (const int c : cameras) look.seen.push_back({c, Rigid{Eigen::Matrix3d::Identity(), {x, 0, 2}}});
+  return look;
+}
+
+TEST(CaptureFlow, AViewIsTakenWhenTwoCamerasSeeTheBoardAtRestSomewhereNew) {
+  CaptureFlow flow;
+  EXPECT_EQ(flow.look({0, {}, false}), CaptureCue::search);
+  EXPECT_EQ(flow.look({0.1, {}, true}), CaptureCue::wrong_board);
+  EXPECT_EQ(flow.look(seen_at(0.2, 0, {1})), CaptureCue::search);
+  EXPECT_EQ(flow.look(seen_at(0.3, 0, {0, 1})), CaptureCue::hold_still);
+  EXPECT_EQ(flow.look(seen_at(0.6, 0.05, {0, 1})), CaptureCue::hold_still) << "it moved";
+  EXPECT_EQ(flow.look(seen_at(1.2, 0.052, {0, 1})), CaptureCue::hold_still) << "not for long enough";
+  EXPECT_EQ(flow.look(seen_at(1.5, 0.052, {0, 1})), CaptureCue::captured);
+  EXPECT_EQ(flow.look(seen_at(1.8, 0.052, {0, 1})), CaptureCue::elsewhere);
+  EXPECT_EQ(flow.look(seen_at(2.0, 0.3, {0, 1})), CaptureCue::hold_still);
+  EXPECT_EQ(flow.look(seen_at(3.0, 0.3, {0, 1})), CaptureCue::captured);
+  EXPECT_EQ(flow.look(seen_at(4.0, 0.3, {2, 3})), CaptureCue::hold_still) << "other cameras have to see it at rest too";
+  EXPECT_EQ(flow.look(seen_at(5.0, 0.3, {2, 3})), CaptureCue::captured) << "the same numbers are another place to other cameras";
+  EXPECT_EQ(flow.taken(), 3);
+  flow.finish();
+  EXPECT_EQ(flow.look(seen_at(6.0, 0.9, {0, 1})), CaptureCue::done);
+}
+
+}  // namespace
+}  // namespace booth::tests
