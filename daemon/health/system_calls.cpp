@@ -30,9 +30,9 @@ namespace {
 // calls that do the same in another kernel or library both are here. Names that an architecture does not have are passed over.
 constexpr const char* kAllowed[] = {
     // memory and threads
-    "brk", "munmap", "mremap", "madvise", "futex", "set_robust_list", "rseq", "exit", "exit_group", "sched_yield", "membarrier", "getcpu", "sched_getaffinity",
-    "sched_setscheduler", "sched_getscheduler", "sched_getparam", "sched_get_priority_max", "sched_get_priority_min", "gettid", "getpid", "tgkill",
-    "rt_sigaction", "rt_sigprocmask", "rt_sigreturn", "rt_sigtimedwait", "sigaltstack", "restart_syscall",
+    "brk", "munmap", "mremap", "madvise", "mlock", "munlock", "futex", "set_robust_list", "rseq", "exit", "exit_group", "sched_yield", "membarrier", "getcpu",
+    "sched_getaffinity", "sched_setscheduler", "sched_getscheduler", "sched_getparam", "sched_get_priority_max", "sched_get_priority_min", "gettid", "getpid",
+    "tgkill", "rt_sigaction", "rt_sigprocmask", "rt_sigreturn", "rt_sigtimedwait", "sigaltstack", "restart_syscall",
     // time and waiting
     "clock_gettime", "clock_getres", "clock_nanosleep", "nanosleep", "gettimeofday", "time", "poll", "ppoll", "select", "pselect6", "epoll_create1",
     "epoll_ctl", "epoll_wait", "epoll_pwait", "eventfd2", "pipe2", "timerfd_create", "timerfd_settime",

@@ -166,6 +166,7 @@ TEST_F(RecordingProgram, SealedItOpensForTheKeyAloneAndIsReplayedToTheSameBits) 
   ASSERT_TRUE(eventually([&] { return ask({{"request", "status"}})["state"] == "idle"; }, 60s));
   boothd->signal(SIGTERM);
   EXPECT_EQ(boothd->wait(), 0);
+  EXPECT_EQ(boothd->err().find("is refused"), std::string::npos) << "sealing needs a call that boothd's own list does not have: " << boothd->err();
   for (const char* place : {"sessions", "recordings"})
     for (const auto& file : fs::recursive_directory_iterator(folder.path / place)) {
       if (!file.is_regular_file()) continue;
