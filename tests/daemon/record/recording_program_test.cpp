@@ -171,7 +171,7 @@ TEST_F(RecordingProgram, SealedItOpensForTheKeyAloneAndIsReplayedToTheSameBits) 
     for (const auto& file : fs::recursive_directory_iterator(folder.path / place)) {
       if (!file.is_regular_file()) continue;
       const std::string text = read_text(file.path());
-      for (const char* word : {"depth", "lfemur", "beta", "SQLite", "HIERARCHY"})
+      for (const char* word : {"depth", "lfemur", "\"beta\"", "SQLite", "HIERARCHY"})
         EXPECT_EQ(text.find(word), std::string::npos) << file.path() << " says " << word;
     }
 
