@@ -122,6 +122,29 @@ TEST_F(ProgramTest, SigtermInTheMiddleOfASessionSavesIt) {
   EXPECT_FALSE(std::filesystem::exists(socket));
 }
 
+TEST_F(ProgramTest, HealthGateAndMetrics) {
+  EXPECT_EQ(run("boothctl", {"health", "--socket", socket}), 1);
+  EXPECT_THAT(output, HasSubstr("not healthy: boothd is not running"));
+  EXPECT_EQ(run("boothctl", {"health", "--gate", "--wait", "0.3", "--json", "--socket", socket}), 1);
+  EXPECT_THAT(output, HasSubstr("\"healthy\":false"));
+  EXPECT_EQ(run("boothctl", {"health", "--frames", "-1"}), 64);
+  const std::string prom = (folder.path / "boothd.prom").string();
+  EXPECT_EQ(run("boothctl", {"metrics", "--out", prom, "--socket", socket}), 0) << output;
+  EXPECT_THAT(read_text(prom), HasSubstr("\nboothd_up 0\n"));
+
+  // The gate is asked before boothd is ready, as a hook does.
+  Program boothd("boothd", daemon_arguments(), folder.path / "boothd.log");
+  EXPECT_EQ(run("boothctl", {"health", "--gate", "--every-camera", "--frames", "5", "--wait", "55", "--socket", socket}), 0) << output << boothd.output();
+  EXPECT_THAT(output, HasSubstr("ready, idle, 4 of 4 cameras deliver"));
+  EXPECT_EQ(run("boothctl", {"health", "--frames", "1000000", "--wait", "0.3", "--json", "--socket", socket}), 1);
+  EXPECT_THAT(output, HasSubstr("of 1000000 frames"));
+  EXPECT_EQ(run("boothctl", {"metrics", "--out", prom, "--socket", socket}), 0) << output;
+  EXPECT_THAT(read_text(prom), HasSubstr("boothd_camera_up{camera=\"front-left\"} 1\n"));
+  EXPECT_EQ(run("boothctl", {"metrics", "--out", "/nonexistent/x.prom", "--socket", socket}), 1);
+  boothd.signal(SIGTERM);
+  EXPECT_EQ(boothd.wait(), 0);
+}
+
 #ifdef BOOTHD_EMULATOR
 TEST_F(ProgramTest, FourEmulatedSensorsGiveATrackedSkeleton) {
   auto arguments = daemon_arguments();
