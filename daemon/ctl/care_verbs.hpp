@@ -9,5 +9,6 @@ namespace booth::daemon {
 
 void add_health_verb(CLI::App& app);   ///< health
 void add_metrics_verb(CLI::App& app);  ///< metrics
+void add_report_verb(CLI::App& app);   ///< report
 
 }  // namespace booth::daemon

@@ -36,6 +36,7 @@ int main(int argc, char** argv) {
   add_config_verb(app);
   add_health_verb(app);
   add_metrics_verb(app);
+  add_report_verb(app);
   std::signal(SIGPIPE, SIG_IGN);
   try {
     app.parse(argc, argv);

@@ -145,6 +145,27 @@ TEST_F(ProgramTest, HealthGateAndMetrics) {
   EXPECT_EQ(boothd.wait(), 0);
 }
 
+TEST_F(ProgramTest, ASupportBundleHasNothingOfASession) {
+  Program boothd("boothd", daemon_arguments(), folder.path / "boothd.log");
+  ASSERT_TRUE(is_ready()) << boothd.output();
+  ask("start");
+  ASSERT_TRUE(eventually([&] { return ask("status")["frames"].get<int>() >= 3; }, 60s));
+  const std::string session = ask("status")["session"].get<std::string>(), bundle = (folder.path / "report.tar").string();
+  auto arguments = daemon_arguments();
+  arguments.insert(arguments.begin(), {"report", "--out", bundle});
+  arguments.insert(arguments.end(), {"--set", "cameras.kinect2.calibration=" + folder.write("c.toml", "# from " + session + "\nx = 1\n").string()});
+  arguments.insert(arguments.end(), {"--set", "dds.peers=[\"192.0.2.7\"]"});
+  EXPECT_EQ(run("boothctl", arguments), 0) << output;
+  const std::string text = read_text(bundle);
+  for (const char* there : {"boothd-report/CONTENTS.txt", "\"state\"", "front-left", "[cameras.kinect2]", "usb_controllers", "x = 1"})
+    EXPECT_THAT(text, HasSubstr(there));
+  ASSERT_GE(session.size(), 16u);
+  EXPECT_EQ(text.find(session.substr(0, 16)), std::string::npos);
+  for (const char* absent : {"\"session\"", "last_session", "residual", "\"person\"", "joints", "192.0.2.7"})
+    EXPECT_EQ(text.find(absent), std::string::npos) << absent;
+  EXPECT_EQ(run("boothctl", {"report", "--out", "/nonexistent/report.tar"}), 1);
+}
+
 #ifdef BOOTHD_EMULATOR
 TEST_F(ProgramTest, FourEmulatedSensorsGiveATrackedSkeleton) {
   auto arguments = daemon_arguments();
