@@ -27,6 +27,7 @@
 #include "daemon/drivers_factory.recorder.hpp"
 #include "daemon/health/failed_light.hpp"
 #include "daemon/health/log.hpp"
+#include "daemon/health/messages.hpp"
 #include "daemon/health/notify.hpp"
 #include "daemon/health/progress_watch.hpp"
 #include "daemon/health/system_calls.hpp"
@@ -176,7 +177,7 @@ ExitStatus watch(const sigset_t& signals, const Pipeline& pipeline, const Contro
     const timespec wait{0, 250'000'000};
     const int signal = ::sigtimedwait(&signals, nullptr, &wait);
     if (signal == SIGTERM || signal == SIGINT) {
-      log_line(LogLevel::info, fmt::format("{}: stopping", signal == SIGTERM ? "SIGTERM" : "SIGINT"));
+      log_message(LogLevel::info, Message::stopping, fmt::format("{}: stopping", signal == SIGTERM ? "SIGTERM" : "SIGINT"));
       return kStopped;
     }
     if (signal == SIGHUP) log_line(LogLevel::warning, "SIGHUP: the configuration is read at the start only; restart boothd to apply changes");
@@ -190,7 +191,7 @@ ExitStatus watch(const sigset_t& signals, const Pipeline& pipeline, const Contro
     const hal::MonotonicTime now = clock.now();
     if (progress.stalled(counters, now.time_since_epoch()) >= 0) {
       // Saving is hopeless with a hung thread; the session is closed as interrupted at the next start.
-      log_line(LogLevel::error, "a thread of the pipeline does not move any more");
+      log_message(LogLevel::error, Message::thread_stalled, "a thread of the pipeline does not move any more");
       return kInternal;
     }
     if (interval.count() > 0 && now >= next_ping) {
@@ -222,7 +223,8 @@ std::unique_ptr<SystemCallGuard> narrow_system_calls(const Config& config) {
   try {
     return std::make_unique<SystemCallGuard>([told = std::set<int>()](const std::string& name, int number, std::uint32_t thread) mutable {
       if (told.insert(number).second)
-        log_line(LogLevel::warning, fmt::format("system call {} ({}) of thread {} is refused: it is not in boothd's list; told once", name, number, thread));
+        log_message(LogLevel::warning, Message::system_call_refused,
+                    fmt::format("system call {} ({}) of thread {} is refused: it is not in boothd's list; told once", name, number, thread));
     });
   } catch (const std::exception& e) {
     log_line(LogLevel::warning, e.what());
@@ -311,8 +313,9 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     if (auto answer = answer_record_request(line, *recorder)) return *std::move(answer);
     return with_recorder(answer_request(line, controller), *recorder);
   });
-  log_line(LogLevel::info, fmt::format("boothd {} is ready: {}; {} cameras; control socket {}{}", BOOTHD_VERSION, source.name, source.cameras.size(),
-                                       config.control.socket, seal_to ? "; sessions and recordings are sealed to key " + seal_to->id() : ""));
+  log_message(LogLevel::info, Message::ready,
+              fmt::format("boothd {} is ready: {}; {} cameras; control socket {}{}", BOOTHD_VERSION, source.name, source.cameras.size(), config.control.socket,
+                          seal_to ? "; sessions and recordings are sealed to key " + seal_to->id() : ""));
   const auto guard = narrow_system_calls(config);
   notify_ready("idle");
   const ExitStatus status = watch(signals, pipeline, controller, panel, *source.clock);
@@ -361,13 +364,13 @@ int run(int argc, char** argv) {
     if (check_only) print_config(config, std::cout);
     return serve(config, signals, check_only);
   } catch (const ConfigError& e) {
-    for (const auto& problem : e.problems()) log_line(LogLevel::error, problem);
+    for (const auto& problem : e.problems()) log_message(LogLevel::error, e.only_device_absent ? Message::start_failed : Message::configuration_wrong, problem);
     return e.only_device_absent ? kUnavailable : kConfiguration;
   } catch (const StartFailure& e) {
-    log_line(LogLevel::error, e.what());
+    log_message(LogLevel::error, e.status == kConfiguration ? Message::configuration_wrong : Message::start_failed, e.what());
     return e.status;
   } catch (const std::exception& e) {
-    log_line(LogLevel::error, e.what());
+    log_message(LogLevel::error, Message::internal_fault, e.what());
     return kInternal;
   }
 }

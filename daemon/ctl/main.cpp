@@ -3,6 +3,7 @@
 #include <csignal>
 #include <iostream>
 
+#include "daemon/ctl/care_verbs.hpp"
 #include "daemon/ctl/fit_verb.hpp"
 #include "daemon/ctl/model_verb.hpp"
 #include "daemon/ctl/simulate_verb.hpp"
@@ -33,6 +34,9 @@ int main(int argc, char** argv) {
   add_security_verb(app);
   add_calibrate_verb(app);
   add_config_verb(app);
+  add_health_verb(app);
+  add_metrics_verb(app);
+  add_report_verb(app);
   std::signal(SIGPIPE, SIG_IGN);
   try {
     app.parse(argc, argv);

@@ -8,13 +8,27 @@
 #include <utility>
 
 #include "daemon/health/log.hpp"
+#include "daemon/health/messages.hpp"
 #include "daemon/session/dds_samples.hpp"
 
 namespace booth::daemon {
 
 using namespace std::chrono_literals;
 
-Controller::Controller(ControllerSettings settings, hal::Clock& clock) : settings_(std::move(settings)), clock_(clock), machine_(settings_.limits) {}
+namespace {
+constexpr hal::Nanoseconds kRepetitions = std::chrono::minutes(10);
+void write_camera_line(LogLevel level, const std::string& text) {
+  log_message(level, level == LogLevel::warning ? Message::camera_lost : Message::camera_changed, text);
+}
+void write_panel_line(LogLevel level, const std::string& text) { log_message(level, Message::panel_problem, text); }
+}  // namespace
+
+Controller::Controller(ControllerSettings settings, hal::Clock& clock)
+    : settings_(std::move(settings)),
+      clock_(clock),
+      machine_(settings_.limits),
+      camera_log_(kRepetitions, write_camera_line),
+      panel_log_(kRepetitions, write_panel_line) {}
 
 Controller::~Controller() { shutdown("end"); }
 
@@ -164,7 +178,7 @@ void Controller::watch_backend() {
   if (now.changes != backend_said_.changes || first) {
     const bool bad = !now.problem.empty();
     const std::string text = fmt::format("the fit is computed by {}{}{}", now.name, bad ? ": " : "", now.problem);
-    log_line(bad ? LogLevel::warning : LogLevel::info, text);
+    log_message(bad ? LogLevel::warning : LogLevel::info, Message::backend_changed, text);
     say_event(bad ? "fault" : "state", "fit", text);
   }
   backend_said_ = std::move(now);
@@ -195,7 +209,7 @@ void Controller::watch_credentials() {
     credential_problem_ = now;
   }
   // The sentence counts days, so that it is said again every day.
-  if (!now.empty()) log_line(LogLevel::warning, now);
+  if (!now.empty()) log_message(LogLevel::warning, Message::credentials_expire, now);
   say_event(now.empty() ? "state" : "fault", "dds", now.empty() ? "the credentials serve for long enough again" : now);
 }
 
@@ -229,7 +243,7 @@ void Controller::begin_session() {
     log_.open(folder, seal_.get());
   } catch (const std::exception& e) {
     alarm = fmt::format("this session is live only: {}", e.what());
-    log_line(LogLevel::error, alarm);
+    log_message(LogLevel::error, Message::session_not_saved, alarm);
     folder.clear();
   }
   set_alarm(alarm);
@@ -242,7 +256,7 @@ void Controller::begin_session() {
     remark_ = "";
   }
   pipeline_->activate();
-  log_line(LogLevel::info, fmt::format("session {} begins{}{}", info.id, folder.empty() ? "" : " in ", folder.string()));
+  log_message(LogLevel::info, Message::session_began, fmt::format("session {} begins{}{}", info.id, folder.empty() ? "" : " in ", folder.string()));
 }
 
 void Controller::end_session(const std::string& reason, const std::string& state_at_end) {
@@ -274,7 +288,7 @@ void Controller::end_session(const std::string& reason, const std::string& state
   if (!log_.problem().empty()) {
     info.result = "interrupted";  // by the disk: the last frames are not in it
     info.reason = log_.problem();
-    log_line(LogLevel::error, log_.problem());
+    log_message(LogLevel::error, Message::session_not_saved, log_.problem());
     set_alarm(log_.problem());
   }
   finisher_ = std::thread([this, info = std::move(info), folder = std::move(folder), seal = std::exchange(seal_, nullptr)]() mutable {
@@ -286,12 +300,13 @@ void Controller::write_files(SessionInfo info, std::filesystem::path folder, std
   if (!folder.empty()) {
     try {
       SessionSummary summary = finish_session(folder, info, read_session_log(folder, seal.get()), settings_.models, settings_.truth.get(), seal.get());
-      log_line(LogLevel::info, fmt::format("session {} is complete: {} frames, {:.1f} frames/s, in {}", info.id, summary.frames, summary.fps, folder.string()));
+      log_message(LogLevel::info, Message::session_complete,
+                  fmt::format("session {} is complete: {} frames, {:.1f} frames/s, in {}", info.id, summary.frames, summary.fps, folder.string()));
       const std::lock_guard lock(shared_mutex_);
       summary_ = std::move(summary);
     } catch (const std::exception& e) {
       const std::string alarm = fmt::format("session {} could not be saved: {}", info.id, e.what());
-      log_line(LogLevel::error, alarm);
+      log_message(LogLevel::error, Message::session_not_saved, alarm);
       set_alarm(alarm);
     }
   }

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "daemon/health/messages.hpp"
 #include "fit/body/skeleton.hpp"
 #include "tests/house/command.hpp"
 #include "tests/house/idl_page.hpp"
@@ -97,6 +98,8 @@ TEST(Reference, Ros2PageHasTheTypesOfItsIdl) {
   EXPECT_EQ(types.find("| constant |"), std::string::npos) << "there are none";
   expect_page("docs/reference/ros2.md", page.substr(0, at) + marker + types);
 }
+
+TEST(Reference, MessagesPageIsWhatTheTableSays) { expect_page("docs/reference/messages.md", daemon::messages_page()); }
 
 TEST(Reference, DependenciesPageIsWhatTheListSays) {
   const CommandResult table = run_in_source_tree("toolchain/install-dependencies --table");

@@ -122,6 +122,50 @@ TEST_F(ProgramTest, SigtermInTheMiddleOfASessionSavesIt) {
   EXPECT_FALSE(std::filesystem::exists(socket));
 }
 
+TEST_F(ProgramTest, HealthGateAndMetrics) {
+  EXPECT_EQ(run("boothctl", {"health", "--socket", socket}), 1);
+  EXPECT_THAT(output, HasSubstr("not healthy: boothd is not running"));
+  EXPECT_EQ(run("boothctl", {"health", "--gate", "--wait", "0.3", "--json", "--socket", socket}), 1);
+  EXPECT_THAT(output, HasSubstr("\"healthy\":false"));
+  EXPECT_EQ(run("boothctl", {"health", "--frames", "-1"}), 64);
+  const std::string prom = (folder.path / "boothd.prom").string();
+  EXPECT_EQ(run("boothctl", {"metrics", "--out", prom, "--socket", socket}), 0) << output;
+  EXPECT_THAT(read_text(prom), HasSubstr("\nboothd_up 0\n"));
+
+  // The gate is asked before boothd is ready, as a hook does.
+  Program boothd("boothd", daemon_arguments(), folder.path / "boothd.log");
+  EXPECT_EQ(run("boothctl", {"health", "--gate", "--every-camera", "--frames", "5", "--wait", "55", "--socket", socket}), 0) << output << boothd.output();
+  EXPECT_THAT(output, HasSubstr("ready, idle, 4 of 4 cameras deliver"));
+  EXPECT_EQ(run("boothctl", {"health", "--frames", "1000000", "--wait", "0.3", "--json", "--socket", socket}), 1);
+  EXPECT_THAT(output, HasSubstr("of 1000000 frames"));
+  EXPECT_EQ(run("boothctl", {"metrics", "--out", prom, "--socket", socket}), 0) << output;
+  EXPECT_THAT(read_text(prom), HasSubstr("boothd_camera_up{camera=\"front-left\"} 1\n"));
+  EXPECT_EQ(run("boothctl", {"metrics", "--out", "/nonexistent/x.prom", "--socket", socket}), 1);
+  boothd.signal(SIGTERM);
+  EXPECT_EQ(boothd.wait(), 0);
+}
+
+TEST_F(ProgramTest, ASupportBundleHasNothingOfASession) {
+  Program boothd("boothd", daemon_arguments(), folder.path / "boothd.log");
+  ASSERT_TRUE(is_ready()) << boothd.output();
+  ask("start");
+  ASSERT_TRUE(eventually([&] { return ask("status")["frames"].get<int>() >= 3; }, 60s));
+  const std::string session = ask("status")["session"].get<std::string>(), bundle = (folder.path / "report.tar").string();
+  auto arguments = daemon_arguments();
+  arguments.insert(arguments.begin(), {"report", "--out", bundle});
+  arguments.insert(arguments.end(), {"--set", "cameras.kinect2.calibration=" + folder.write("c.toml", "# from " + session + "\nx = 1\n").string()});
+  arguments.insert(arguments.end(), {"--set", "dds.peers=[\"192.0.2.7\"]"});
+  EXPECT_EQ(run("boothctl", arguments), 0) << output;
+  const std::string text = read_text(bundle);
+  for (const char* there : {"boothd-report/CONTENTS.txt", "\"state\"", "front-left", "[cameras.kinect2]", "usb_controllers", "x = 1"})
+    EXPECT_THAT(text, HasSubstr(there));
+  ASSERT_GE(session.size(), 16u);
+  EXPECT_EQ(text.find(session.substr(0, 16)), std::string::npos);
+  for (const char* absent : {"\"session\"", "last_session", "residual", "\"person\"", "joints", "192.0.2.7"})
+    EXPECT_EQ(text.find(absent), std::string::npos) << absent;
+  EXPECT_EQ(run("boothctl", {"report", "--out", "/nonexistent/report.tar"}), 1);
+}
+
 #ifdef BOOTHD_EMULATOR
 TEST_F(ProgramTest, FourEmulatedSensorsGiveATrackedSkeleton) {
   auto arguments = daemon_arguments();
