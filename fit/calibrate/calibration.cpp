@@ -1,4 +1,4 @@
-// The order of the questions: was there a board, are there views enough, do they agree, where is the floor, and how wrong is it?
+// The questions in their order: was there a board, are there views enough, do they agree, where is the floor, and how wrong is it all.
 #include "fit/calibrate/calibration.hpp"
 
 #include <algorithm>
