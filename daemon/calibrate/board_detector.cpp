@@ -159,24 +159,39 @@ bool number_corners(const Grid& grid, const CellReading& reading, const CellMatc
   return true;
 }
 
-/// Places where the picture is a saddle, as it is at every corner of a chessboard: fewer than a part of the board has, and there is none.
-int saddles(const cv::Mat& grey) {
-  constexpr float kClear = 400, kAboveNoise = 12;  // a tenth of what a corner of paper and toner shows three metres away; times the usual speck
+/// Whether places where the picture is a saddle, as it is at every corner of a chessboard, stand as close together as those of a board or a part of one.
+/// Looking for a grid takes a hundred times as long.
+bool may_hold_board(const cv::Mat& grey) {
+  constexpr float kClear = 100, kAboveNoise = 7;  // a fortieth of what a corner of paper and toner shows three metres away; times the usual speck
+  constexpr float kOfStrongest = 0.15f;           // of the twelfth strongest: seams and edges of a room are weaker than print
+  constexpr std::size_t kFewest = kLeastColumns * kLeastRows;
   cv::Mat soft, xx, yy, xy;
   cv::GaussianBlur(grey, soft, {}, 1.2);
   cv::Sobel(soft, xx, CV_32F, 2, 0), cv::Sobel(soft, yy, CV_32F, 0, 2), cv::Sobel(soft, xy, CV_32F, 1, 1);
   const cv::Mat strength = xy.mul(xy) - xx.mul(yy);
   cv::Mat highest;
   cv::dilate(strength, highest, cv::Mat::ones(5, 5, CV_8U));
-  const cv::Mat peaks = strength >= highest;
-  std::vector<float> heights;
-  for (int i = 0; i < strength.rows * strength.cols; ++i)
-    if (peaks.data[i] != 0) heights.push_back(strength.ptr<float>()[i]);
-  if (heights.empty()) return 0;
-  const auto middle = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 2);
-  std::nth_element(heights.begin(), middle, heights.end());
-  const float limit = std::max(kClear, kAboveNoise * *middle);
-  return static_cast<int>(std::count_if(heights.begin(), heights.end(), [limit](float h) { return h > limit; }));
+  struct Peak {
+    float height;
+    int x, y;
+  };
+  std::vector<Peak> peaks;
+  for (int y = 0; y < strength.rows; ++y)
+    for (int x = 0; x < strength.cols; ++x)
+      if (strength.at<float>(y, x) >= highest.at<float>(y, x)) peaks.push_back({strength.at<float>(y, x), x, y});
+  if (peaks.size() < kFewest) return false;
+  std::sort(peaks.begin(), peaks.end(), [](const Peak& p, const Peak& q) { return p.height > q.height; });
+  const float limit = std::max({kClear, kAboveNoise * peaks[peaks.size() / 2].height, kOfStrongest * peaks[kFewest - 1].height});
+  while (!peaks.empty() && peaks.back().height <= limit) peaks.pop_back();
+  for (const Peak& p : peaks) {
+    int near = 0, around = 0;  // itself included
+    for (const Peak& q : peaks) {
+      const double d = std::hypot(p.x - q.x, p.y - q.y);
+      near += d < 60, around += d < 100;
+    }
+    if (near >= 11 || around >= 12) return true;
+  }
+  return false;
 }
 
 /// Moves corners to where the picture's gradients cross, and finds those that the finder did not see, where the others say they are. A corner that the picture
@@ -239,7 +254,7 @@ BoardDetection detect_board(const Grey16& infrared) {
   check(infrared);
   const cv::Mat smooth = compressed(infrared);
   BoardDetection out;
-  if (saddles(smooth) < kLeastColumns * kLeastRows) return out;
+  if (!may_hold_board(smooth)) return out;
   cv::Mat grey;
   smooth.convertTo(grey, CV_8U);
   // The whole board, parts of it as an arm or the picture's border leaves them, and the whole board enlarged.

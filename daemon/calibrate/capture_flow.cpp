@@ -2,6 +2,7 @@
 #include "daemon/calibrate/capture_flow.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace booth::daemon {
 namespace {
@@ -10,6 +11,12 @@ using fit::calibrate::Rigid;
 
 bool within(const Rigid& a, const Rigid& b, double metres, double radians) {
   return (a.translation - b.translation).norm() <= metres && fit::calibrate::angle_between(a.rotation, b.rotation) <= radians;
+}
+
+bool at_rest(const Rigid& a, const Rigid& b, const CaptureRules& rules) {
+  const Eigen::Vector3d from = a.translation.normalized(), to = b.translation.normalized();
+  return from.cross(to).norm() <= rules.still_direction && std::abs(a.translation.norm() - b.translation.norm()) <= rules.still_metres &&
+         fit::calibrate::angle_between(a.rotation, b.rotation) <= rules.still_radians;
 }
 
 }  // namespace
@@ -38,7 +45,7 @@ bool CaptureFlow::moved(const BoardLook& look) const {
   for (const auto& now : look.seen)
     for (const auto& then : anchor_->seen) {
       if (then.camera != now.camera) continue;
-      if (!within(then.camera_from_board, now.camera_from_board, rules_.still_metres, rules_.still_radians)) return true;
+      if (!at_rest(then.camera_from_board, now.camera_from_board, rules_)) return true;
       still = true;
     }
   return !still;

@@ -34,8 +34,10 @@ std::string_view to_string(CaptureCue cue);
 
 struct CaptureRules {
   double still_seconds = 0.8;  ///< how long the board must not move
-  double still_metres = 0.02;  ///< a single picture places a board 3 m away to about a centimetre
-  double still_radians = 0.03;
+  // One picture tells the direction of a board to a tenth of a pixel, but its distance to centimetres and its tilt to degrees when it is seen at a slant.
+  double still_direction = 0.003;  ///< radians between lines of sight to its middle
+  double still_metres = 0.1;       ///< along them
+  double still_radians = 0.2;
   double new_metres = 0.12, new_radians = 0.2;  ///< from every view taken by the same camera: nearer than both is the same view
 };
 

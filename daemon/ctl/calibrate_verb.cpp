@@ -271,7 +271,7 @@ void calibrate_live(const Options& o) {
   DepthSource source;
   std::function<void()> move_on;
   if (o.live_simulation) {
-    SimulatedCalibration simulated = open_simulated_calibration({.square = board_of(o).square, .views = o.views, .seed = o.seed}, 10);
+    SimulatedCalibration simulated = open_simulated_calibration({.square = board_of(o).square, .views = o.views, .seed = o.seed}, 3);
     source.clock = simulated.clock;
     source.cameras = std::move(simulated.cameras);
     move_on = std::move(simulated.move_on);

@@ -14,7 +14,7 @@ namespace {
 using namespace daemon;
 
 TEST(LiveCapture, APersonIsGuidedFromTheFirstViewToTheFloor) {
-  auto booth = open_simulated_calibration({.views = 9, .seed = 3}, 20);
+  auto booth = open_simulated_calibration({.views = 9, .seed = 3}, 3);
   LiveCaptureSettings settings;
   settings.needs = {.pair_views = 1, .pair_spread = 0, .views = 4};  // the short form of the real thing
   settings.rules.still_seconds = 0;
@@ -24,6 +24,10 @@ TEST(LiveCapture, APersonIsGuidedFromTheFirstViewToTheFloor) {
   LiveCaptureHooks hooks;
   hooks.news = [&](const CaptureNews& news) {
     cues.insert(news.cue);
+    std::string seen;
+    for (const auto& name : news.seen) seen += " " + name;
+    std::printf("%s (%d taken)%s; %s\n", std::string(to_string(news.cue)).c_str(), news.taken, seen.c_str(), news.next.c_str());  // read when it fails
+    std::fflush(stdout);
     if (next.empty() || next.back() != news.next) next.push_back(news.next);
     // A board that only one camera sees is a place to leave, too; a look or two may still show where it was.
     waited = news.cue == CaptureCue::hold_still ? 0 : waited + 1;
@@ -45,7 +49,7 @@ TEST(LiveCapture, APersonIsGuidedFromTheFirstViewToTheFloor) {
 }
 
 TEST(LiveCapture, StopsWhenAskedAndGivesUpWhenNothingHappens) {
-  auto booth = open_simulated_calibration({.views = 1, .seed = 3}, 20);
+  auto booth = open_simulated_calibration({.views = 1, .seed = 3}, 3);
   LiveCaptureSettings settings;
   int looks = 0;
   LiveCaptureHooks hooks;
