@@ -10,6 +10,7 @@
 #include <toml++/toml.h>
 
 #include "daemon/calibrate/view_collector.hpp"
+#include "daemon/config/toml_text.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
 #include "daemon/io/atomic_file.hpp"
 
@@ -18,21 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr std::size_t kKept = 10;
-
-/// A float in TOML; the shortest that reads back to the same bits.
-std::string real(double value) {
-  std::string text = fmt::format("{}", value);
-  return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
-}
-
-std::string quoted(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') out += '\\';
-    if (static_cast<unsigned char>(c) >= 0x20 && c != 0x7f) out += c;
-  }
-  return out + "\"";
-}
 
 /// What the backup of a file is called by: its own time where it has one, else the time it was written.
 std::string time_of(const fs::path& file) {
@@ -74,9 +60,9 @@ std::string calibration_text(const CalibrationRecord& r) {
       "[calibration.held_out]  # errors on views that the fit had not seen\nviews = {}\npictures = {}\nreprojection_px = {}\ncorner_mm = {}  # between "
       "cameras\n"
       "corner_p95_mm = {}\nplane_mm = {}  # of corrected depth against the board\n",
-      quoted(r.utc), quoted(r.by), quoted(r.software), real(1000 * r.square), r.views, c.left_out, quoted(c.origin_from_board ? "board" : "layout"),
-      real(c.floor_rms_mm), real(c.square_ratio), c.errors.views, c.errors.pictures, real(c.errors.reprojection_px), real(c.errors.corner_mm),
-      real(c.errors.corner_p95_mm), real(c.errors.plane_mm));
+      toml_string(r.utc), toml_string(r.by), toml_string(r.software), toml_float(1000 * r.square), r.views, c.left_out,
+      toml_string(c.origin_from_board ? "board" : "layout"), toml_float(c.floor_rms_mm), toml_float(c.square_ratio), c.errors.views, c.errors.pictures,
+      toml_float(c.errors.reprojection_px), toml_float(c.errors.corner_mm), toml_float(c.errors.corner_p95_mm), toml_float(c.errors.plane_mm));
   for (std::size_t i = 0; i < r.cameras.size(); ++i) {
     hal::CameraDescription camera = r.cameras[i];
     const auto& found = c.cameras[i];
@@ -86,8 +72,8 @@ std::string calibration_text(const CalibrationRecord& r) {
     out += fmt::format(
         "depth_gain = {}\ndepth_offset = {}  # it reads (1 + gain) z + offset metres at true depth z\nposition_sd_mm = {}\nangle_sd_deg = {}\npictures = {}\n"
         "reprojection_px = {}\ncorner_mm = {}\nplane_mm = {}\n",
-        real(found.depth.gain), real(found.depth.offset), real(found.position_sd_mm), real(found.angle_sd_deg), found.pictures, real(error.reprojection_px),
-        real(error.corner_mm), real(error.plane_mm));
+        toml_float(found.depth.gain), toml_float(found.depth.offset), toml_float(found.position_sd_mm), toml_float(found.angle_sd_deg), found.pictures,
+        toml_float(error.reprojection_px), toml_float(error.corner_mm), toml_float(error.plane_mm));
   }
   return out;
 }

@@ -1,5 +1,6 @@
 // The table of configuration keys, and the sentences that are made from it.
 #include "daemon/config/keys.hpp"
+#include "daemon/config/toml_text.hpp"
 
 #include <fmt/format.h>
 
@@ -370,22 +371,9 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
-std::string quoted(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') out += '\\';
-    if (static_cast<unsigned char>(c) < 0x20) {
-      out += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
-    } else {
-      out += c;
-    }
-  }
-  return out + "\"";
-}
-
 std::string join_quoted(const auto& list, std::string_view separator) {
   std::string out;
-  for (const auto& item : list) out += (out.empty() ? "" : std::string(separator)) + quoted(item);
+  for (const auto& item : list) out += (out.empty() ? "" : std::string(separator)) + toml_string(item);
   return out;
 }
 
@@ -441,7 +429,7 @@ std::string format_config_value(const ConfigKey& key, const Config& config) {
                         [](bool* v) { return std::string(*v ? "true" : "false"); },
                         [](std::int64_t* v) { return fmt::format("{}", *v); },
                         [](double* v) { return fmt::format("{}", *v); },
-                        [](std::string* v) { return quoted(*v); },
+                        [](std::string* v) { return toml_string(*v); },
                         [](std::vector<std::string>* v) { return "[" + join_quoted(*v, ", ") + "]"; },
                     },
                     key.slot(copy));

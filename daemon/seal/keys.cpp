@@ -32,6 +32,8 @@ std::string hexadecimal(const unsigned char* bytes, std::size_t count) {
   return out;
 }
 
+std::string no_key_file(const std::string& name) { return fmt::format("{}: is no key file of boothd; `boothctl key new` makes them", name); }
+
 /// Puts the key's bytes into `out`.
 void parse(std::string_view text, std::string_view word, const std::string& name, unsigned char* out) {
   std::string_view found;
@@ -40,7 +42,10 @@ void parse(std::string_view text, std::string_view word, const std::string& name
     rest.remove_prefix(std::min(rest.size(), line.size() + 1));
     while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.remove_suffix(1);
     if (line.empty() || line.front() == '#') continue;
-    if (!found.empty()) throw std::runtime_error(fmt::format("{}: holds more than one key", name));
+    if (!found.empty()) {
+      const bool keys = found.starts_with(kPublicWord) || found.starts_with(kPrivateWord);
+      throw std::runtime_error(keys ? fmt::format("{}: holds more than one key", name) : no_key_file(name));
+    }
     found = line;
   }
   const std::string_view other = word == kPublicWord ? kPrivateWord : kPublicWord;
@@ -50,7 +55,7 @@ void parse(std::string_view text, std::string_view word, const std::string& name
   const std::string_view digits = found.starts_with(word) && found.size() > word.size() ? found.substr(word.size() + 1) : std::string_view{};
   std::size_t size = 0;
   const bool good = digits.size() == 2 * kKeyBytes && ::sodium_hex2bin(out, kKeyBytes, digits.data(), digits.size(), nullptr, &size, nullptr) == 0;
-  if (!good || size != kKeyBytes) throw std::runtime_error(fmt::format("{}: is no key file of boothd; `boothctl key new` makes them", name));
+  if (!good || size != kKeyBytes) throw std::runtime_error(no_key_file(name));
 }
 
 struct Descriptor {
@@ -79,6 +84,9 @@ std::string read_text(const std::filesystem::path& file, bool secret) {
 void write_new(const std::filesystem::path& file, mode_t mode, std::string_view text) {
   const auto fail = [&] { throw std::runtime_error(fmt::format("{}: the key cannot be written: {}", file.string(), std::strerror(errno))); };
   const Descriptor out{::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, mode)};
+  if (out.fd < 0 && errno == EEXIST)
+    throw std::runtime_error(
+        fmt::format("{}: File exists: a key is never overwritten, what was sealed to it would be lost; choose another name", file.string()));
   if (out.fd < 0) fail();
   const ssize_t size = ::write(out.fd, text.data(), text.size());
   if (size != static_cast<ssize_t>(text.size()) || ::fchmod(out.fd, mode) != 0 || ::fsync(out.fd) != 0) {

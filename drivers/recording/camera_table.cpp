@@ -86,6 +86,7 @@ toml::table parse_calibration(const std::filesystem::path& file) {
   try {
     return toml::parse_file(file.string());
   } catch (const toml::parse_error& e) {
+    if (e.source().begin.line == 0) fail(file, "cannot be read: is it there, and may you read it?");
     fail(file, "line " + std::to_string(e.source().begin.line) + ": " + std::string(e.description()));
   }
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "drivers/synthetic/mix.hpp"
 #include "drivers/synthetic/optics.hpp"
 
 namespace booth::drivers {
@@ -15,14 +16,6 @@ using fit::calibrate::Rigid;
 constexpr float kWhitePaper = 20000;                                                                    // brightness at a metre
 constexpr double kWhite = 0.85, kToner = 0.12, kWall = 0.5, kFloor = 0.3, kArm = 0.55, kMargin = 0.35;  // albedos; the margin in squares
 constexpr float kSaturated = 65535;
-
-std::uint64_t mix(std::uint64_t x) {
-  x ^= x >> 30;
-  x *= 0xbf58476d1ce4e5b9ull;
-  x ^= x >> 27;
-  x *= 0x94d049bb133111ebull;
-  return x ^ (x >> 31);
-}
 
 /// Two normal numbers of a key (Box-Muller).
 std::pair<float, float> normals(std::uint64_t key) {

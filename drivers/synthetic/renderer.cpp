@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "drivers/synthetic/mix.hpp"
 #include "drivers/synthetic/optics.hpp"
 #include "fit/kernel.hpp"
 
@@ -14,14 +15,6 @@ namespace {
 constexpr float kFar = 1000;    // nothing there
 constexpr float kNear = 0.15f;  // metres; closer triangles are left out
 constexpr float kEdge = 0.06f;  // metres between neighbours that make a depth edge
-
-std::uint64_t mix(std::uint64_t x) {
-  x ^= x >> 30;
-  x *= 0xbf58476d1ce4e5b9ull;
-  x ^= x >> 27;
-  x *= 0x94d049bb133111ebull;
-  return x ^ (x >> 31);
-}
 
 /// 32 random bits of a pixel; cheap in vector registers.
 inline std::uint32_t pixel_bits(std::uint32_t pixel, std::uint32_t key_low, std::uint32_t key_high) {

@@ -16,6 +16,7 @@
 #include "daemon/dds/dds_link.hpp"
 #include "drivers/clock/system_clock.hpp"
 #include "tests/daemon/dds/peer.hpp"
+#include "tests/daemon/dds/stopped_reader.hpp"
 #include "tests/daemon/support/fake_booth.hpp"
 
 namespace booth::tests {
@@ -32,34 +33,6 @@ struct HostileDds : ::testing::Test {
                  ++carried_out;
                  return daemon::DdsAnswer{.accepted = true};
                }};
-};
-
-/// A reader of everything in a process of its own, which stops when it has been found.
-class StoppedReader {
- public:
-  StoppedReader() {
-    int ready[2];
-    if (::pipe(ready) != 0) return;
-    const std::uint32_t domain = test_domain();  // the child's number is another
-    pid_ = ::fork();
-    if (pid_ == 0) {
-      ::execl(BOOTH_BINARY_DIR "/bin/booth-simulated-reader", "reader", std::to_string(domain).c_str(), "b", std::to_string(ready[1]).c_str(), nullptr);
-      ::_exit(127);
-    }
-    ::close(ready[1]);
-    char byte = 0;
-    found = ::read(ready[0], &byte, 1) == 1;
-    ::close(ready[0]);
-    ::kill(pid_, SIGSTOP);
-  }
-  ~StoppedReader() {
-    ::kill(pid_, SIGKILL);
-    ::waitpid(pid_, nullptr, 0);
-  }
-  bool found = false;
-
- private:
-  pid_t pid_ = -1;
 };
 
 TEST_F(HostileDds, AStoppedReaderStopsNothing) {

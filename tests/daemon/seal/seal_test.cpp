@@ -11,11 +11,13 @@
 #include "daemon/io/atomic_file.hpp"
 #include "daemon/seal/sealed_file.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
+#include "tests/support/complaint.hpp"
 
 namespace booth::daemon {
 namespace {
 
 using ::testing::HasSubstr;
+using tests::complaint;
 using tests::read_text;
 using tests::TemporaryFolder;
 
@@ -48,16 +50,6 @@ std::string seal_chunks(const Seal& seal, const std::string& name, const std::ve
   std::string out;
   for (std::size_t i = 0; i < chunks.size(); ++i) encoder.append(chunks[i], i + 1 == chunks.size(), out);
   return out;
-}
-
-template <class F>
-std::string complaint(F work) {
-  try {
-    work();
-  } catch (const std::runtime_error& e) {
-    return e.what();
-  }
-  return {};
 }
 
 struct SealTest : ::testing::Test {

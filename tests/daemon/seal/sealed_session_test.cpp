@@ -15,6 +15,7 @@
 #include "tests/daemon/record/session_samples.hpp"
 #include "tests/daemon/support/fake_booth.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
+#include "tests/support/complaint.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -23,6 +24,7 @@ namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using nlohmann::json;
 using ::testing::HasSubstr;
+using tests::complaint;
 using tests::read_text;
 using tests::sample_frames;
 using tests::sample_info;
@@ -48,15 +50,6 @@ struct SealedSession : ::testing::Test {
   fs::path sealed(std::uint64_t count, bool finish) { return session(count, finish, Seal::fresh(key.public_half).get()); }
   Decrypted decrypt(const fs::path& what, const std::string& out = "open") {
     return decrypt_session(what, key, folder.path / out, [] { return sample_models(); });
-  }
-  template <class F>
-  std::string complaint(F work) {
-    try {
-      work();
-    } catch (const std::runtime_error& e) {
-      return e.what();
-    }
-    return {};
   }
 };
 

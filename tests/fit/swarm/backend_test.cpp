@@ -31,22 +31,22 @@ TEST(SwarmEnergy, AgreesWithTheReferenceInDoublePrecisionTermByTerm) {
   field.rebuild(scene.observation.cloud, pool);
   tests::ReferenceEnergy reference(*scene.model, *scene.prior, scene.sizes.energy.shape_count, scene.sizes.energy.vertices);
   reference.set_field(field);
-  int at_the_edge = 0;
+  int plain = 0;
   for (unsigned seed = 0; seed < 200; ++seed) {
     const std::vector<float> p = scene.particle(seed);
     ParticleTerms t{};
     ASSERT_TRUE(swarm->evaluate(0, p, t));
     const tests::ReferenceEnergy::Terms r = reference.evaluate(p.data());
-    // A vertex on the border of two cells may fall to either side: a few millimetres of one vertex among 512. Once in a while it is the band's edge, where
-    // the plane's distance jumps to the charge.
+    // A vertex on the border of two cells may fall to either side: a few millimetres of one vertex among 512. Where the band ends the plane's
+    // distance jumps to the charge: the reference says for which particles, and by how much.
     EXPECT_NEAR(static_cast<double>(t.point), r.point, 3e-4 * r.point) << seed;
-    EXPECT_NEAR(static_cast<double>(t.plane), r.plane, 1e-3 * r.plane + kMillimetres * static_cast<double>(kChargedOutside) * kPaperVertices / 512) << seed;
-    if (std::abs(static_cast<double>(t.plane) - r.plane) > 1e-3 * r.plane) ++at_the_edge;
+    EXPECT_NEAR(static_cast<double>(t.plane), r.plane, 1e-3 * r.plane + r.plane_at_edge) << seed;
+    plain += r.plane_at_edge == 0;
     EXPECT_NEAR(static_cast<double>(t.shape), r.shape, 1e-5 * r.shape) << seed;
     EXPECT_NEAR(static_cast<double>(t.bone), r.bone, 1e-3 + 1e-3 * r.bone) << seed;
     EXPECT_NEAR(static_cast<double>(t.pose), r.pose, 1e-4 + 1e-4 * r.pose) << seed;
   }
-  EXPECT_LE(at_the_edge, 2);
+  EXPECT_GT(plain, 150) << "that many particles have no vertex there, and no allowance";
 }
 
 TEST(SwarmEnergy, ABetaBeyondSixteenDeviationsIsHeldThereAndNothingOverflows) {

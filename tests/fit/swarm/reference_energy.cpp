@@ -82,7 +82,7 @@ ReferenceEnergy::Terms ReferenceEnergy::evaluate(const float* particle) const {
     }
   }
 
-  float point = 0, plane = 0;
+  float point = 0, plane = 0, at_edge = 0;
   const std::size_t block = static_cast<std::size_t>(6 * kLane * (1 + shape_count_));
   for (int group = 0; group < count_ / kLane; ++group) {
     float rest[6 * kLane];
@@ -95,21 +95,29 @@ ReferenceEnergy::Terms ReferenceEnergy::evaluate(const float* particle) const {
         for (int j = 0; j < 12; ++j) m[j] += weight_[at + static_cast<std::size_t>(k)] * transform[bone_[at + static_cast<std::size_t>(k)]][j];
       const float x = rest[lane], y = rest[kLane + lane], z = rest[2 * kLane + lane];
       const Eigen::Vector3f v(m[0] * x + m[1] * y + m[2] * z + m[3], m[4] * x + m[5] * y + m[6] * z + m[7], m[8] * x + m[9] * y + m[10] * z + m[11]);
-      Eigen::Vector3f nearest;
-      if (!field_->nearest(v, nearest)) {
-        point += kOutside, plane += kOutside;
-        continue;
-      }
-      const Eigen::Vector3f difference = v - nearest;
       const float a = rest[3 * kLane + lane], b = rest[4 * kLane + lane], c = rest[5 * kLane + lane];
       const Eigen::Vector3f n(m[0] * a + m[1] * b + m[2] * c, m[4] * a + m[5] * b + m[6] * c, m[8] * a + m[9] * b + m[10] * c);
-      point += difference.norm();
-      plane += std::abs(n.dot(difference)) / std::sqrt(std::max(n.squaredNorm(), 1e-12f));
+      const auto off_plane = [&](const Eigen::Vector3f& from, const Eigen::Vector3f& to) {
+        return std::abs(n.dot(from - to)) / std::sqrt(std::max(n.squaredNorm(), 1e-12f));
+      };
+      Eigen::Vector3f nearest, beside;
+      const bool inside = field_->nearest(v, nearest);
+      const float charged = inside ? off_plane(v, nearest) : kOutside;
+      point += inside ? (v - nearest).norm() : kOutside;
+      plane += charged;
+      float jump = 0;
+      for (int i = 0; i < 6; ++i) {
+        const Eigen::Vector3f moved = v + (i % 2 == 0 ? kEdge : -kEdge) * Eigen::Vector3f::Unit(i / 2);
+        const bool still = field_->nearest(moved, beside);
+        if (still != inside) jump = std::max(jump, std::abs((still ? off_plane(moved, beside) : kOutside) - charged));
+      }
+      at_edge += jump;
     }
   }
 
   const double scale = kMillimetres * kPaperVertices / count_;
-  return {static_cast<double>(point) * scale, static_cast<double>(plane) * scale, shape_energy(beta), bone_energy(vectors), pose_energy(prior_, q)};
+  return {static_cast<double>(point) * scale,  static_cast<double>(plane) * scale, shape_energy(beta), bone_energy(vectors), pose_energy(prior_, q),
+          static_cast<double>(at_edge) * scale};
 }
 
 }  // namespace booth::tests

@@ -22,6 +22,7 @@ class ReferenceEnergy {
 
   struct Terms {
     double point = 0, plane = 0, shape = 0, bone = 0, pose = 0;  ///< unweighted, in the units of terms.hpp
+    double plane_at_edge = 0;  ///< what of `plane` may jump because a vertex lies within kEdge of the end of the field's band; 0 for nearly all particles
     double total(const PaperWeights& w) const { return w.point * point + w.plane * plane + w.shape * shape + w.bone * bone + w.pose * pose; }
   };
 
@@ -32,6 +33,8 @@ class ReferenceEnergy {
 
   /// Distance in metres that a vertex outside the field's band is charged with.
   static constexpr float kOutside = 0.3f;
+  /// m; nearer than this to the band's edge, rounding in the packed energy may put a vertex on the other side.
+  static constexpr float kEdge = 2e-5f;
 
  private:
   const BodyModel& model_;

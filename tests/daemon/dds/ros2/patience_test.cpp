@@ -15,6 +15,7 @@
 #include "ros2_messages.h"
 #include "tests/daemon/dds/peer.hpp"
 #include "tests/daemon/dds/ros2/expectations.hpp"
+#include "tests/daemon/dds/stopped_reader.hpp"
 #include "tests/daemon/support/fake_booth.hpp"
 #include "tests/support/allocation_count.hpp"
 
@@ -69,36 +70,8 @@ TEST_F(Ros2Patience, NothingIsAllocatedForAFrame) {
   EXPECT_GT(heard, 100u);
 }
 
-/// A process that subscribes to all of a booth's topics, those of ROS 2 among them, and is stopped when it has been found.
-class StoppedNode {
- public:
-  StoppedNode() {
-    int ready[2];
-    if (::pipe(ready) != 0) return;
-    const std::uint32_t domain = test_domain();  // the child's number is another
-    pid_ = ::fork();
-    if (pid_ == 0) {
-      ::execl(BOOTH_BINARY_DIR "/bin/booth-simulated-reader", "reader", std::to_string(domain).c_str(), "b", std::to_string(ready[1]).c_str(), "ros2", nullptr);
-      ::_exit(127);
-    }
-    ::close(ready[1]);
-    char byte = 0;
-    found = ::read(ready[0], &byte, 1) == 1;
-    ::close(ready[0]);
-    ::kill(pid_, SIGSTOP);
-  }
-  ~StoppedNode() {
-    ::kill(pid_, SIGKILL);
-    ::waitpid(pid_, nullptr, 0);
-  }
-  bool found = false;
-
- private:
-  pid_t pid_ = -1;
-};
-
 TEST_F(Ros2Patience, AStoppedNodeStopsNothing) {
-  StoppedNode stopped;
+  StoppedReader stopped("ros2");
   ASSERT_TRUE(stopped.found);
   Peer peer("");
   const dds_entity_t joints = peer.reader(geometry_msgs_msg_dds__PoseArray__desc, "rt/humans/bodies/b/joints", true);
