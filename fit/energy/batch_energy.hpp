@@ -13,8 +13,17 @@ inline constexpr int kByteMiddle = 64;
 inline constexpr int kWideShapes = 4;         ///< the first coefficients, which move vertices furthest, act on positions in 16 bits
 inline constexpr int kNormalShapes = 12;      ///< so many coefficients act on the normals: those that turn them most
 inline constexpr float kLeastWeight = 0.05f;  ///< parts that move a vertex by less than this are left out, the others take their share
+inline constexpr float kSameWeight = 0.08f;   ///< vertices whose parts' weights differ by no more than this share the middle of their weights
 
-/// EnergyView's vertices once more, rounded for fewer operations: positions to about 0.2 mm, normals to about a degree.
+/// Consecutive vertices of one batch that move as one: the same parts, about the same weights.
+struct BatchSegment {
+  std::uint8_t begin, end;  ///< within the batch
+  std::uint8_t count;       ///< parts, 1 to kVertexParts
+  std::uint8_t part[kVertexParts];
+  float weight[kVertexParts];  ///< sum 1
+};
+
+/// EnergyView's vertices once more, in an order of their own and rounded for fewer operations: positions to about 0.2 mm, normals to about a degree.
 ///
 /// A batch is (6 + 3 (pairs + quads + normal_quads)) * kBatch words: the mean's [x y z nx ny nz][vertex]; for each pair of the first kWideShapes coefficients
 /// the positions' changes as in EnergyView, [x y z][vertex]; for each four of the others the same as signed bytes, the first in the lowest; for each four
@@ -23,8 +32,8 @@ inline constexpr float kLeastWeight = 0.05f;  ///< parts that move a vertex by l
 struct BatchView {
   EnergyView model;
   float position_unit = 1;        ///< m per unit of the batches' positions
-  const float* weight = nullptr;  ///< as EnergyView's, without the small ones; likewise the segments
-  const Segment* segment = nullptr;
+  float normal_unit = 1;          ///< length per unit of the batches' normals; the mean body's are 1 long
+  const BatchSegment* segment = nullptr;  ///< as EnergyView's
   const std::int32_t* segment_start = nullptr;
   const std::int32_t* word = nullptr;
   std::int32_t pairs = 0, quads = 0, normal_quads = 0, shift = 0;
@@ -68,10 +77,10 @@ struct PosedBatch {
   std::int32_t cell[kBatch][L::kCount], part[kBatch][L::kCount];
 };
 
-/// Rest, blend and pose of the i-th vertex, which kExtra further parts move besides the first, by `weight`; `further` is their difference from the first.
-template <class L, int kQuads, int kExtra>
-BOOTH_HOST_DEVICE void pose_vertex(const BatchView& b, const CellView& field, const std::int32_t* word, const float* weight, const typename L::F* first,
-                                   const typename L::F (*further)[12], const PackedShape<L>& shape, int i, PosedBatch<L>& out) {
+/// Rest position and pose of the i-th vertex, which the rigid or blended transform `m` moves.
+template <class L, int kQuads>
+BOOTH_HOST_DEVICE void pose_vertex(const BatchView& b, const CellView& field, const std::int32_t* word, const typename L::F* m, const PackedShape<L>& shape,
+                                   int i, PosedBatch<L>& out) {
   using F = typename L::F;
   using I = typename L::I;
   // kQuads > 0: how many fours of positions, with all pairs and fours of normals.
@@ -88,15 +97,9 @@ BOOTH_HOST_DEVICE void pose_vertex(const BatchView& b, const CellView& field, co
     for (int c = 0; c < 3; ++c) sum[c] = L::quad_dot(sum[c], shape.quad[q], L::splat(at[c * kBatch]));
   for (int q = 0; q < normal_quads; ++q, at += 3 * kBatch)
     for (int c = 0; c < 3; ++c) sum[3 + c] = L::quad_dot(sum[3 + c], shape.normal[q], L::splat(at[c * kBatch]));
-  F rest[6], w[kExtra + 1], posed[3];
+  F rest[6], posed[3];
   for (int c = 0; c < 6; ++c) rest[c] = L::to_float(sum[c]);
-  for (int k = 0; k < kExtra; ++k) w[k] = L::splat(weight[k * kBatch + i]);
-  for (int row = 0; row < 3; ++row) {
-    F m[4];
-    for (int c = 0; c < 4; ++c) {
-      m[c] = first[4 * row + c];
-      for (int k = 0; k < kExtra; ++k) m[c] = L::multiply_add(further[k][4 * row + c], w[k], m[c]);
-    }
+  for (int row = 0; row < 3; ++row, m += 4) {
     posed[row] = L::multiply_add(m[0], rest[0], L::multiply_add(m[1], rest[1], L::multiply_add(m[2], rest[2], m[3])));
     out.normal[i][row] = L::multiply_add(m[0], rest[3], L::multiply_add(m[1], rest[4], m[2] * rest[5]));
   }
@@ -106,66 +109,57 @@ BOOTH_HOST_DEVICE void pose_vertex(const BatchView& b, const CellView& field, co
   for (int c = 0; c < 3; ++c) out.position[i][c] = posed[c];
 }
 
-template <class L, int kQuads, int kExtra>
-BOOTH_HOST_DEVICE void pose_segment(const BatchView& b, const CellView& field, const std::int32_t* word, const float* weight, const Segment& s,
-                                    const typename L::F (*transform)[12], const PackedShape<L>& shape, PosedBatch<L>& out) {
-  const typename L::F* first = transform[s.part[0]];
-  typename L::F further[kExtra + 1][12];
-  for (int k = 0; k < kExtra; ++k)
-    for (int e = 0; e < 12; ++e) further[k][e] = transform[s.part[k + 1]][e] - first[e];
-  // One vertex at a time: two share what they load, but spill more than that.
-  for (int i = s.begin; i < s.end; ++i) pose_vertex<L, kQuads, kExtra>(b, field, word, weight, first, further, shape, i, out);
-}
-
-/// The constant that scales the first guess of an inverse root to be right on average; it is taken out of the sum.
-inline constexpr float kInverseRootScale = 0.703952253f;
-
-/// 1 / (kInverseRootScale * sqrt(x)) to 0.07 %, the same bits on every processor: a guess from the exponent and one Newton step, the constants of both
-/// chosen for the least error (Kadlec, "Improving the fast inverse square root", 2010).
-template <class L>
-BOOTH_HOST_DEVICE typename L::F inverse_root(typename L::F x) {
-  const typename L::F guess = L::as_float(L::splat(std::int32_t{0x5F1FFFF9}) - (L::as_int(x) >> 1));
-  return guess * (L::splat(2.38924456f) - x * guess * guess);
-}
-
-/// Adds the data terms of a batch: point in cells, plane in cells / kInverseRootScale.
 template <class L, int kQuads>
-BOOTH_HOST_DEVICE void batch_distances(const BatchView& b, const CellView& field, int batch, const typename L::F (*transform)[12], const PackedShape<L>& shape,
-                                       typename L::F& point, typename L::F& plane) {
+BOOTH_HOST_DEVICE void pose_segment(const BatchView& b, const CellView& field, const std::int32_t* word, const BatchSegment& s,
+                                    const typename L::F (*transform)[12], const PackedShape<L>& shape, PosedBatch<L>& out) {
+  const typename L::F* moved_by = transform[s.part[0]];
+  typename L::F blended[12];
+  if (s.count > 1) {
+    for (int e = 0; e < 12; ++e) blended[e] = moved_by[e] * s.weight[0];
+    for (int k = 1; k < s.count; ++k)
+      for (int e = 0; e < 12; ++e) blended[e] = L::multiply_add(transform[s.part[k]][e], L::splat(s.weight[k]), blended[e]);
+    moved_by = blended;
+  }
+  // One vertex at a time: two share what they load, but spill more than that.
+  for (int i = s.begin; i < s.end; ++i) pose_vertex<L, kQuads>(b, field, word, moved_by, shape, i, out);
+}
+
+/// x^-1/2 as a parabola, for the squared length of a normal: 0.2 % from 0.6 to 1.1, where shapes and blends leave nearly all of them.
+inline constexpr float kRootParabola[3] = {2.0832f, -1.6848f, 0.5997f};
+
+/// The same for posed normals as the batches have them: a transform multiplies their units by position_unit / cell_size.
+struct NormalScale {
+  float length, parabola[3];  ///< plane distances are cells / length
+
+  BOOTH_HOST_DEVICE NormalScale(const BatchView& b, const CellView& field) : length(b.normal_unit / b.position_unit * field.cell_size) {
+    const float square = length * length;
+    parabola[0] = kRootParabola[0], parabola[1] = kRootParabola[1] * square, parabola[2] = kRootParabola[2] * square * square;
+  }
+};
+
+/// Adds the data terms of a batch: point in cells, plane in cells / normals.length.
+template <class L, int kQuads>
+BOOTH_HOST_DEVICE void batch_distances(const BatchView& b, const CellView& field, const NormalScale& normals, int batch, const typename L::F (*transform)[12],
+                                       const PackedShape<L>& shape, typename L::F& point, typename L::F& plane) {
   using F = typename L::F;
   const std::int32_t* word = b.word + static_cast<std::int64_t>(batch) * b.batch_words();
-  const float* weight = b.weight + static_cast<std::int64_t>(batch) * ((kVertexParts - 1) * kBatch);
   // Step by step for the whole batch, so that loads find their addresses long computed.
   PosedBatch<L> posed;
-  for (int s = b.segment_start[batch]; s < b.segment_start[batch + 1]; ++s) {
-    const Segment& segment = b.segment[s];
-    switch (segment.count) {
-      case 1:
-        pose_segment<L, kQuads, 0>(b, field, word, weight, segment, transform, shape, posed);
-        break;
-      case 2:
-        pose_segment<L, kQuads, 1>(b, field, word, weight, segment, transform, shape, posed);
-        break;
-      case 3:
-        pose_segment<L, kQuads, 2>(b, field, word, weight, segment, transform, shape, posed);
-        break;
-      default:
-        pose_segment<L, kQuads, 3>(b, field, word, weight, segment, transform, shape, posed);
-        break;
-    }
-  }
+  for (int s = b.segment_start[batch]; s < b.segment_start[batch + 1]; ++s) pose_segment<L, kQuads>(b, field, word, b.segment[s], transform, shape, posed);
   for (int i = 0; i < kBatch; ++i)
     L::store(posed.cell[i], answer_of<L>(L::gather(field.middle, posed.cell[i]), L::load(posed.cell[i]), L::load(posed.part[i])));
-  const F charged = L::splat(kChargedOutside * field.inverse_cell), charged_plane = charged * (1 / kInverseRootScale);
+  const F charged = L::splat(kChargedOutside * field.inverse_cell), charged_plane = charged * (1 / normals.length);
   for (int i = 0; i < kBatch; ++i) {
     F x = posed.position[i][0], y = posed.position[i][1], z = posed.position[i][2];
     const auto outside = subtract_nearest<L>(L::gather(field.middle, posed.cell[i]), x, y, z);
     const F* n = posed.normal[i];
     const F along = L::multiply_add(n[0], x, L::multiply_add(n[1], y, n[2] * z));
-    const F length2 = L::multiply_add(n[0], n[0], L::multiply_add(n[1], n[1], L::multiply_add(n[2], n[2], L::splat(1e-12f))));
+    const F length2 = L::multiply_add(n[0], n[0], L::multiply_add(n[1], n[1], n[2] * n[2]));
+    const F inverse_length = L::multiply_add(L::multiply_add(L::splat(normals.parabola[2]), length2, L::splat(normals.parabola[1])), length2,
+                                             L::splat(normals.parabola[0]));
     const F distance2 = L::multiply_add(x, x, L::multiply_add(y, y, z * z));
     point = point + (outside ? charged : L::root(distance2));
-    plane = plane + (outside ? charged_plane : L::absolute(along) * inverse_root<L>(length2));
+    plane = plane + (outside ? charged_plane : L::absolute(along) * inverse_length);
   }
 }
 
@@ -182,16 +176,17 @@ BOOTH_HOST_DEVICE void particle_energies(const BatchView& b, const CellView& fie
   LaneTerms<L> terms[kTurns];
   EnergyView model = b.model;
   model.position_unit = b.position_unit;
+  const NormalScale normals(b, field);
   for (int u = 0; u < turns; ++u) {
     pose_particle<L>(model, field, particle(u), stride, transform[u], terms[u]);
     pack_batch_shape<L>(b, particle(u), stride, shape[u]);
     point[u] = plane[u] = L::splat(0.0f);
   }
   for (int batch = 0; batch < b.model.batches; ++batch)
-    for (int u = 0; u < turns; ++u) batch_distances<L, kQuads>(b, field, batch, transform[u], shape[u], point[u], plane[u]);
+    for (int u = 0; u < turns; ++u) batch_distances<L, kQuads>(b, field, normals, batch, transform[u], shape[u], point[u], plane[u]);
   const float scale = b.model.data_scale * field.cell_size;
   for (int u = 0; u < turns; ++u) {
-    terms[u].point = point[u] * scale, terms[u].plane = plane[u] * (kInverseRootScale * scale);
+    terms[u].point = point[u] * scale, terms[u].plane = plane[u] * (normals.length * scale);
     done(u, terms[u]);
   }
 }

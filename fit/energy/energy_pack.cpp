@@ -8,6 +8,8 @@
 #include <numeric>
 #include <stdexcept>
 #include <string>
+#include <tuple>
+#include <utility>
 
 #include "fit/body/exact_math.hpp"
 #include "fit/body/sampling.hpp"
@@ -90,6 +92,43 @@ void pack_segments(const std::vector<int>& vertex, const std::vector<Moved>& mov
   start.push_back(static_cast<std::int32_t>(segment.size()));
 }
 
+/// Vertices that the same parts move with weights within kSameWeight of each other.
+struct Group {
+  Moved middle;             ///< of their weights
+  std::vector<int> member;  ///< places in EnergyPack::vertex()
+};
+
+/// All places, in groups: those of the same parts by rising weight of the first, from each one on as many as may join it.
+std::vector<Group> group_by_weights(const std::vector<int>& vertex, const std::vector<Moved>& moved) {
+  const auto of = [&](int place) -> const Moved& { return moved[static_cast<std::size_t>(vertex[static_cast<std::size_t>(place)])]; };
+  std::vector<int> left(vertex.size());
+  std::iota(left.begin(), left.end(), 0);
+  std::stable_sort(left.begin(), left.end(), [&](int a, int b) {
+    return std::tie(of(a).count, of(a).part, of(a).weight) < std::tie(of(b).count, of(b).part, of(b).weight);
+  });
+  std::vector<Group> groups;
+  while (!left.empty()) {
+    std::array<float, kVertexParts> low = of(left[0]).weight, high = low;
+    const auto joins = [&](int place) {
+      const Moved& m = of(place);
+      if (m.count != of(left[0]).count || m.part != of(left[0]).part) return false;
+      for (std::size_t k = 0; k < kVertexParts; ++k)
+        if (std::max(high[k], m.weight[k]) - std::min(low[k], m.weight[k]) > kSameWeight) return false;
+      for (std::size_t k = 0; k < kVertexParts; ++k) low[k] = std::min(low[k], m.weight[k]), high[k] = std::max(high[k], m.weight[k]);
+      return true;
+    };
+    Group g{of(left[0]), {}};
+    std::vector<int> others;
+    for (int place : left) (joins(place) ? g.member : others).push_back(place);
+    float sum = 0;
+    for (std::size_t k = 0; k < kVertexParts; ++k) sum += g.middle.weight[k] = (low[k] + high[k]) / 2;
+    for (float& w : g.middle.weight) w /= sum;
+    groups.push_back(std::move(g));
+    left = std::move(others);
+  }
+  return groups;
+}
+
 std::uint32_t halves(int low, int high) { return (static_cast<std::uint32_t>(low) & 0xFFFFu) | static_cast<std::uint32_t>(high) << 16; }
 
 }  // namespace
@@ -127,7 +166,17 @@ void EnergyPack::order_vertices(const BodyModel& model, int count) {
 
   pack_segments(vertex_, moved, weight_, segment_, segment_start_);
   for (Moved& m : moved) leave_out_small(m);
-  pack_segments(vertex_, moved, batch_weight_, batch_segment_, batch_segment_start_);
+  for (const Group& g : group_by_weights(vertex_, moved))
+    for (std::size_t done = 0; done < g.member.size();) {
+      // As many as the batch has room for.
+      const std::size_t begin = batch_vertex_.size() % kBatch, end = std::min(begin + g.member.size() - done, static_cast<std::size_t>(kBatch));
+      if (begin == 0) batch_segment_start_.push_back(static_cast<std::int32_t>(batch_segment_.size()));
+      BatchSegment s{static_cast<std::uint8_t>(begin), static_cast<std::uint8_t>(end), static_cast<std::uint8_t>(g.middle.count), {}, {}};
+      for (std::size_t k = 0; k < kVertexParts; ++k) s.part[k] = static_cast<std::uint8_t>(g.middle.part[k]), s.weight[k] = g.middle.weight[k];
+      batch_segment_.push_back(s);
+      for (std::size_t i = begin; i < end; ++i) batch_vertex_.push_back(g.member[done++]);
+    }
+  batch_segment_start_.push_back(static_cast<std::int32_t>(batch_segment_.size()));
 }
 
 void EnergyPack::pack_shapes(const BodyModel& model) {
@@ -218,12 +267,13 @@ void EnergyPack::pack_batches(const std::vector<Eigen::MatrixXd>& part) {
   const double unit = std::max(largest / 32766, most / 65000) / static_cast<double>(kShapeSteps);
   while (byte > 127 * unit * std::exp2(b.shift) * static_cast<double>(kByteSteps)) ++b.shift;
   const double summed_unit = unit * std::exp2(b.shift), byte_unit = summed_unit * static_cast<double>(kByteSteps), normal_unit = normal_byte / 127;
-  b.position_unit = static_cast<float>(summed_unit);
+  b.position_unit = static_cast<float>(summed_unit), b.normal_unit = static_cast<float>(normal_unit / static_cast<double>(kByteSteps));
 
   const int words = b.batch_words();
   batch_.assign(static_cast<std::size_t>(words) * static_cast<std::size_t>(vertices() / kBatch), 0);
   for (int i = 0; i < vertices(); ++i)
     for (int c = 0; c < 3; ++c) {
+      const int v = batch_vertex_[static_cast<std::size_t>(i)];
       const auto at = [&](int row) -> std::int32_t& {
         return batch_[static_cast<std::size_t>(i / kBatch) * static_cast<std::size_t>(words) + static_cast<std::size_t>(row * kBatch + i % kBatch)];
       };
@@ -231,16 +281,16 @@ void EnergyPack::pack_batches(const std::vector<Eigen::MatrixXd>& part) {
       const auto put = [&](int row, int lane, int value) {
         at(row) = static_cast<std::int32_t>(static_cast<std::uint32_t>(at(row)) | (static_cast<std::uint32_t>(value) & 0xFFu) << (8 * lane));
       };
-      const auto wide_change = [&](int k) { return k < wide ? whole(change(k)(c, i) / (unit * static_cast<double>(kShapeSteps))) : 0; };
+      const auto wide_change = [&](int k) { return k < wide ? whole(change(k)(c, v) / (unit * static_cast<double>(kShapeSteps))) : 0; };
       for (int p = 0; p < b.pairs; ++p) at(6 + 3 * p + c) = static_cast<std::int32_t>(halves(wide_change(2 * p), wide_change(2 * p + 1)));
-      double mean = part[0](c, i) / unit, normal = part[0](3 + c, i) / normal_unit * static_cast<double>(kByteSteps);
+      double mean = part[0](c, v) / unit, normal = part[0](3 + c, v) / normal_unit * static_cast<double>(kByteSteps);
       for (int k = wide; k < shape_count_; ++k) {
-        const int value = whole(change(k)(c, i) / byte_unit);
+        const int value = whole(change(k)(c, v) / byte_unit);
         put(6 + 3 * (b.pairs + (k - wide) / 4) + c, (k - wide) % 4, value);
         mean -= kByteMiddle * value * std::exp2(b.shift);
       }
       for (int n = 0; n < on_normals; ++n) {
-        const int value = whole(change(b.normal_shape[n])(3 + c, i) / normal_unit);
+        const int value = whole(change(b.normal_shape[n])(3 + c, v) / normal_unit);
         put(6 + 3 * (b.pairs + b.quads + n / 4) + c, n % 4, value);
         normal -= kByteMiddle * value;
       }
@@ -252,7 +302,7 @@ void EnergyPack::pack_batches(const std::vector<Eigen::MatrixXd>& part) {
 BatchView EnergyPack::batch_view() const {
   BatchView b = batch_view_;
   b.model = view();
-  b.weight = batch_weight_.data(), b.segment = batch_segment_.data(), b.segment_start = batch_segment_start_.data();
+  b.segment = batch_segment_.data(), b.segment_start = batch_segment_start_.data();
   b.word = batch_.data();
   return b;
 }
@@ -299,8 +349,8 @@ EnergyView EnergyPack::view() const {
 }
 
 std::size_t EnergyPack::memory_bytes() const {
-  return (shape_.size() + batch_.size() + batch_segment_start_.size()) * sizeof(std::int32_t) + batch_weight_.size() * sizeof(float) +
-         batch_segment_.size() * sizeof(Segment) + (weight_.size() + joint_.size() + pose_mean_.size() + pose_component_.size()) * sizeof(float) +
+  return (shape_.size() + batch_.size() + batch_segment_start_.size()) * sizeof(std::int32_t) + batch_vertex_.size() * sizeof(int) +
+         batch_segment_.size() * sizeof(BatchSegment) + (weight_.size() + joint_.size() + pose_mean_.size() + pose_component_.size()) * sizeof(float) +
          segment_.size() * sizeof(Segment) + segment_start_.size() * sizeof(std::int32_t) + part_.size() * sizeof(PartStep) + vertex_.size() * sizeof(int);
 }
 
