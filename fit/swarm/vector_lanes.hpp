@@ -138,10 +138,16 @@ struct VectorLanes {
       memcpy(&both, at + l, sizeof both);
       return both;
     };
-    const auto four = [&](int l) {
-      const std::int64_t a = two(l), b = two(l + 2);
-      return _mm_setr_epi32(table[(std::int32_t)a], table[a >> 32], table[(std::int32_t)b], table[b >> 32]);
+    const auto pair = [&](int l) {
+      const std::int64_t places = two(l);
+      const __m128i first = _mm_cvtsi32_si128(table[(std::int32_t)places]);
+#if defined(__SSE4_1__)
+      return _mm_insert_epi32(first, table[places >> 32], 1);
+#else
+      return _mm_unpacklo_epi32(first, _mm_cvtsi32_si128(table[places >> 32]));
+#endif
     };
+    const auto four = [&](int l) { return _mm_unpacklo_epi64(pair(l), pair(l + 2)); };
 #endif
 #if defined(BOOTH_LANES_AVX512)
     const __m256i low = _mm256_inserti128_si256(_mm256_castsi128_si256(four(0)), four(4), 1);
