@@ -11,8 +11,8 @@
 namespace booth::fit {
 namespace {
 
-// About 10 us: the gap between two runs of one frame. Longer waits sleep.
-constexpr int kSpins = 300;
+// Some tens of us: the gap between two runs of one frame, and what equal shares of one differ by. Longer waits sleep, and waking takes as long again.
+constexpr int kSpins = 1500;
 
 void pause() {
 #if defined(__x86_64__)

@@ -181,12 +181,12 @@ CellField::CellField(const FieldSettings& settings) : settings_((check(settings)
   occupied_.resize(bricks), near_.resize(bricks / 4 + 1), near_row_.resize(kMost / 2 * (kMost / 2));
   for (auto* v : {&x_, &y_, &z_, &sorted_x_, &sorted_y_, &sorted_z_}) v->resize(points);
   word_.resize(points), layer_.resize(points);
-  start_.resize(kMost + 1), near_start_.resize(kMost / 2 + 1);
+  start_.resize(kMost + 1), next_.resize(kTasks * kMost), near_start_.resize(kMost / 2 + 1);
   clear();
 }
 
 std::size_t CellField::memory_bytes() const {
-  return (fine_.size() + coarse_.size() + answer_.size() + x_.size() * 6 + word_.size() + start_.size() + near_start_.size()) * sizeof(std::int32_t) +
+  return (fine_.size() + coarse_.size() + answer_.size() + x_.size() * 6 + word_.size() + start_.size() + next_.size() + near_start_.size()) * sizeof(std::int32_t) +
          layer_.size() * sizeof(std::int16_t) + occupied_.size() + near_.size();
 }
 
@@ -260,21 +260,35 @@ void CellField::rebuild(const Cloud& cloud, WorkerPool& pool) {
 }
 
 void CellField::sort_points(const Cloud& cloud, int n, WorkerPool& pool) {
+  // Each task counts its points by layers, then knows where they go: behind those of the layers below and those of its own layer that come before them.
   pool.run(kTasks, [&](int task) {
     const Range r = block_range(n, kTasks, task);
     to_cells(cloud.x.data(), cloud.y.data(), cloud.z.data(), r.begin, r.end, origin_, inverse_, x_.data(), y_.data(), z_.data(), layer_.data());
+    std::int32_t* next = next_.data() + task * kMost;
+    std::fill_n(next, nz_, 0);
+    for (int i = r.begin; i < r.end; ++i)
+      if (const int layer = layer_[static_cast<std::size_t>(i)]; layer >= 0) ++next[layer];
   });
-  std::fill_n(start_.begin(), nz_ + 1, 0);
-  for (int i = 0; i < n; ++i)
-    if (const int layer = layer_[static_cast<std::size_t>(i)]; layer >= 0) ++start_[static_cast<std::size_t>(layer)];
   std::int32_t sum = 0;
-  for (int z = 0; z <= nz_; ++z) start_[static_cast<std::size_t>(z)] = sum += start_[static_cast<std::size_t>(z)];
-  for (int i = n - 1; i >= 0; --i) {
-    const auto from = static_cast<std::size_t>(i);
-    if (layer_[from] < 0) continue;
-    const auto to = static_cast<std::size_t>(--start_[static_cast<std::size_t>(layer_[from])]);
-    sorted_x_[to] = x_[from], sorted_y_[to] = y_[from], sorted_z_[to] = z_[from];
+  for (int z = 0; z < nz_; ++z) {
+    start_[static_cast<std::size_t>(z)] = sum;
+    for (int task = 0; task < kTasks; ++task) {
+      std::int32_t& next = next_[static_cast<std::size_t>(task * kMost + z)];
+      const std::int32_t count = next;
+      next = sum, sum += count;
+    }
   }
+  start_[static_cast<std::size_t>(nz_)] = sum;
+  pool.run(kTasks, [&](int task) {
+    const Range r = block_range(n, kTasks, task);
+    std::int32_t* next = next_.data() + task * kMost;
+    for (int i = r.begin; i < r.end; ++i) {
+      const auto from = static_cast<std::size_t>(i);
+      if (layer_[from] < 0) continue;
+      const auto to = static_cast<std::size_t>(next[layer_[from]]++);
+      sorted_x_[to] = x_[from], sorted_y_[to] = y_[from], sorted_z_[to] = z_[from];
+    }
+  });
 }
 
 void CellField::mark_occupied(int brick_z) {

@@ -81,6 +81,7 @@ class CellField {
   std::vector<std::int32_t> word_;                     // of the sorted points, from the first fine cell's centre
   std::vector<std::int16_t> layer_;                    // of each point, -1 for none
   std::vector<std::int32_t> start_, near_start_;       // where each layer's sorted points begin, and its cells with parts
+  std::vector<std::int32_t> next_;                     // [task][layer]: where the task's next point of the layer goes
 };
 
 }  // namespace booth::fit
