@@ -59,10 +59,12 @@ FrameMemory render_frames(const SceneRequest& request) {
   settings.noise = drivers::NoiseModel::parse("kinect2");
   settings.seed = request.seed;
   settings.pace = drivers::Pace::fast;
-  const auto count = static_cast<std::size_t>(std::lround(request.seconds * 30));
-  settings.seconds = static_cast<double>(count + 2) / 30;
   std::vector<drivers::Person> persons;
   persons.push_back(make_person(request));
+  const drivers::Motion& motion = persons[0].motion;
+  const double length = request.seconds > 0 ? request.seconds : static_cast<double>(motion.frames.size()) / motion.rate;
+  const auto count = static_cast<std::size_t>(std::lround(length * 30));
+  settings.seconds = static_cast<double>(count + 2) / 30;
   drivers::Source source = drivers::make_scene(settings, std::move(persons), std::make_shared<drivers::ManualClock>());
 
   FrameMemory out;
