@@ -186,7 +186,8 @@ CellField::CellField(const FieldSettings& settings) : settings_((check(settings)
 }
 
 std::size_t CellField::memory_bytes() const {
-  return (fine_.size() + coarse_.size() + answer_.size() + x_.size() * 6 + word_.size() + start_.size() + next_.size() + near_start_.size()) * sizeof(std::int32_t) +
+  return (fine_.size() + coarse_.size() + answer_.size() + x_.size() * 6 + word_.size() + start_.size() + next_.size() + near_start_.size()) *
+             sizeof(std::int32_t) +
          layer_.size() * sizeof(std::int16_t) + occupied_.size() + near_.size();
 }
 

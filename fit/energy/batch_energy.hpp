@@ -31,8 +31,8 @@ struct BatchSegment {
 /// added. The mean is less kByteMiddle times each byte, as coefficients come with kByteMiddle added.
 struct BatchView {
   EnergyView model;
-  float position_unit = 1;        ///< m per unit of the batches' positions
-  float normal_unit = 1;          ///< length per unit of the batches' normals; the mean body's are 1 long
+  float position_unit = 1;                ///< m per unit of the batches' positions
+  float normal_unit = 1;                  ///< length per unit of the batches' normals; the mean body's are 1 long
   const BatchSegment* segment = nullptr;  ///< as EnergyView's
   const std::int32_t* segment_start = nullptr;
   const std::int32_t* word = nullptr;
@@ -155,8 +155,8 @@ BOOTH_HOST_DEVICE void batch_distances(const BatchView& b, const CellView& field
     const F* n = posed.normal[i];
     const F along = L::multiply_add(n[0], x, L::multiply_add(n[1], y, n[2] * z));
     const F length2 = L::multiply_add(n[0], n[0], L::multiply_add(n[1], n[1], n[2] * n[2]));
-    const F inverse_length = L::multiply_add(L::multiply_add(L::splat(normals.parabola[2]), length2, L::splat(normals.parabola[1])), length2,
-                                             L::splat(normals.parabola[0]));
+    const F inverse_length =
+        L::multiply_add(L::multiply_add(L::splat(normals.parabola[2]), length2, L::splat(normals.parabola[1])), length2, L::splat(normals.parabola[0]));
     const F distance2 = L::multiply_add(x, x, L::multiply_add(y, y, z * z));
     point = point + (outside ? charged : L::root(distance2));
     plane = plane + (outside ? charged_plane : L::absolute(along) * inverse_length);

@@ -103,9 +103,8 @@ std::vector<Group> group_by_weights(const std::vector<int>& vertex, const std::v
   const auto of = [&](int place) -> const Moved& { return moved[static_cast<std::size_t>(vertex[static_cast<std::size_t>(place)])]; };
   std::vector<int> left(vertex.size());
   std::iota(left.begin(), left.end(), 0);
-  std::stable_sort(left.begin(), left.end(), [&](int a, int b) {
-    return std::tie(of(a).count, of(a).part, of(a).weight) < std::tie(of(b).count, of(b).part, of(b).weight);
-  });
+  std::stable_sort(left.begin(), left.end(),
+                   [&](int a, int b) { return std::tie(of(a).count, of(a).part, of(a).weight) < std::tie(of(b).count, of(b).part, of(b).weight); });
   std::vector<Group> groups;
   while (!left.empty()) {
     std::array<float, kVertexParts> low = of(left[0]).weight, high = low;

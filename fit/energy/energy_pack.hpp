@@ -61,7 +61,7 @@ class EnergyPack {
   std::vector<std::int32_t> segment_start_;
   std::vector<PartStep> part_;
   std::vector<float> joint_, pose_mean_, pose_component_;
-  BatchView batch_view_;  ///< without pointers
+  BatchView batch_view_;           ///< without pointers
   std::vector<int> batch_vertex_;  ///< places in vertex_, in the batches' order
   std::vector<std::int32_t> batch_, batch_segment_start_;
   std::vector<BatchSegment> batch_segment_;

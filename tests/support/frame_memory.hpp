@@ -12,10 +12,10 @@
 namespace booth::tests {
 
 struct SceneRequest {
-  int body = 7;                     ///< of the set-aside bodies, 1 to 90
-  std::string motion = "showcase";  ///< a motion's name (drivers/synthetic/motions.hpp), or a file that ends in .npy, .amc or .bvh
-  double from = 0;                  ///< seconds of a motion file that are left out at its start
-  double seconds = 4;               ///< 0: once through the motion, so that playing it again goes on where a motion by name ended
+  int body = 7;                                             ///< of the set-aside bodies, 1 to 90
+  std::string motion = "showcase";                          ///< a motion's name (drivers/synthetic/motions.hpp), or a file that ends in .npy, .amc or .bvh
+  double from = 0;                                          ///< seconds of a motion file that are left out at its start
+  double seconds = 4;                                       ///< 0: once through the motion, so that playing it again goes on where a motion by name ended
   double leaves = std::numeric_limits<double>::infinity();  ///< from then on the stage is empty
   int divisor = 1;                                          ///< of the cameras' resolution: 2 makes a quarter of the pixels
   std::uint64_t seed = 1;
