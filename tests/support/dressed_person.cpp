@@ -181,6 +181,28 @@ DressedPerson dress(const PersonRequest& request) {
   return out;
 }
 
+std::uint32_t bones_missing(std::string_view part) {
+  const auto bits = [](std::initializer_list<std::string> names) {
+    std::uint32_t out = 0;
+    for (const std::string& name : names) out |= 1u << fit::bone_index(name);
+    return out;
+  };
+  if (part == "head") return bits({"head", "neck", "neck_fixed"});
+  if (part == "arms") return bones_missing("larm") | bones_missing("rarm");
+  if (part == "legs") return bones_missing("lleg") | bones_missing("rleg");
+  const std::string side(part.substr(0, 1)), name(part.empty() ? part : part.substr(1));
+  if (side == "l" || side == "r") {
+    if (name == "hand") return bits({side + "hand"});
+    if (name == "forearm") return bits({side + "hand", side + "radius"});
+    if (name == "arm") return bits({side + "hand", side + "radius", side + "humerus"});
+    if (name == "foot") return bits({side + "foot", side + "toes"});
+    if (name == "shank") return bits({side + "foot", side + "toes", side + "tibia"});
+    if (name == "leg") return bits({side + "foot", side + "toes", side + "tibia", side + "femur"});
+  }
+  throw std::invalid_argument("dressed person: unknown part " + std::string(part) +
+                              "; known are head, arms, legs, and l or r before hand, forearm, arm, foot, shank, leg");
+}
+
 Eigen::Matrix3Xf scan_of(const DressedPerson& person, const ScanRequest& request) {
   Dice dice(request.seed ^ 0x5ca1ab1eull);
   const fit::Vertices& v = person.outer;
@@ -199,6 +221,17 @@ Eigen::Matrix3Xf scan_of(const DressedPerson& person, const ScanRequest& request
   }
   const Eigen::Vector3f elbow = person.joints.col(fit::joint_index("relbow")).cast<float>(),
                         hand = person.joints.col(fit::joint_index("rhand_end")).cast<float>();
+  // The bone that most of a triangle belongs to; four fine ones come from each of the template.
+  std::vector<int> owner;
+  if (request.missing != 0) {
+    const fit::BodyModelData& d = person.model->data();
+    for (Eigen::Index f = 0; f < d.faces.cols(); ++f) {
+      std::array<float, fit::kBones> weight{};
+      for (int k = 0; k < 3; ++k)
+        for (int i = 0; i < fit::kSkinBones; ++i) weight[d.skin_bone(i, d.faces(k, f))] += d.skin_weight(i, d.faces(k, f));
+      owner.push_back(static_cast<int>(std::max_element(weight.begin(), weight.end()) - weight.begin()));
+    }
+  }
   std::vector<Eigen::Vector3f> points;
   const auto noise = [&](const Eigen::Vector3f& p) {
     return Eigen::Vector3f(p + request.noise * Eigen::Vector3d(dice.normal(), dice.normal(), dice.normal()).cast<float>());
@@ -209,6 +242,8 @@ Eigen::Matrix3Xf scan_of(const DressedPerson& person, const ScanRequest& request
     float s = static_cast<float>(dice.uniform()), r = static_cast<float>(dice.uniform());
     if (s + r > 1) s = 1 - s, r = 1 - r;
     const Eigen::Vector3f p = v.col(t[0]) + s * (v.col(t[1]) - v.col(t[0])) + r * (v.col(t[2]) - v.col(t[0]));
+    if (!owner.empty() && (request.missing >> owner[static_cast<std::size_t>(std::min(f, faces.cols() - 1) / 4)] & 1u) != 0) continue;
+    if (!request.side.isZero() && (v.col(t[1]) - v.col(t[0])).cross(v.col(t[2]) - v.col(t[0])).dot(request.side) <= 0) continue;
     if (std::any_of(holes.begin(), holes.end(), [&](const auto& h) { return (p - h.first).norm() < h.second; })) continue;
     if (request.without_arm) {
       const Eigen::Vector3f along = hand - elbow;

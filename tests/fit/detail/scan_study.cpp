@@ -24,13 +24,32 @@ struct Options {
   std::vector<std::string> outfits{"bare", "tight", "loose"};
   std::string source = "scan";  // or camera
   bool clothed = false;
+  std::vector<std::string> missing;  ///< each a part, several joined by +, or front, back, none: a scan of each
   int frames = 1;
   std::filesystem::path pictures;
 };
 
 struct Row {
   double plain = 0, detail = 0, detail_p95 = 0, under = 0, signed_under = 0, waist = 0, joints = 0, fit_ms = 0, detail_ms = 0;
+  double seen_worst = 0, missing_mean = 0;
+  int said = 0, missing = 0, falsely = 0;  ///< missing joints that were said to be inferred, of how many; seen ones that were, too
 };
+
+/// What a scan of `pattern` (parts joined by +) lacks.
+ScanRequest scan_without(const std::string& pattern, const DressedPerson& person) {
+  ScanRequest out;
+  for (std::size_t at = 0; at <= pattern.size() && pattern != "none" && !pattern.empty();) {
+    const std::size_t end = std::min(pattern.find('+', at), pattern.size());
+    const std::string part = pattern.substr(at, end - at);
+    const auto heading = static_cast<float>(person.q[fit::dof_index("root_ry")]);
+    if (part == "front" || part == "back")
+      out.side = (part == "front" ? 1.0f : -1.0f) * Eigen::Vector3f(std::sin(heading), 0, std::cos(heading));  // what is left
+    else
+      out.missing |= bones_missing(part);
+    at = end + 1;
+  }
+  return out;
+}
 
 double now_ms() { return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
@@ -52,7 +71,7 @@ void draw(const std::filesystem::path& file, const DressedPerson& person, const 
   daemon::write_png(file, daemon::Picture::beside(row));
 }
 
-Row measure(const Options& options, int body, const std::string& pose, Outfit outfit) {
+Row measure(const Options& options, int body, const std::string& pose, Outfit outfit, const std::string& pattern) {
   const auto seed = static_cast<std::uint64_t>(body);
   const DressedPerson person = dress({.body = body, .pose = pose, .heading = 40.0 * (body % 9), .outfit = outfit, .seed = seed});
   const auto folder = daemon::find_models();
@@ -69,7 +88,12 @@ Row measure(const Options& options, int body, const std::string& pose, Outfit ou
   const double begin = now_ms();
   if (options.source == "scan") {
     fit::CloudReport report;
-    const Eigen::Matrix3Xf points = scan_of(person, {.without_arm = body % 3 == 0, .seed = seed});
+    const Eigen::Matrix3Xf points = [&] {
+      ScanRequest request = scan_without(pattern, person);
+      request.without_arm = pattern.empty() && body % 3 == 0;
+      request.seed = seed;
+      return scan_of(person, request);
+    }();
     fit::build_unorganised(points, Eigen::Matrix3Xf(3, 0), {}, {}, scan, report);
   } else {
     cameras = std::make_unique<CameraView>("kinect2", seed);
@@ -127,9 +151,20 @@ Row measure(const Options& options, int body, const std::string& pose, Outfit ou
   for (const auto& m : fit::measure(estimator.model(), result.beta))
     if (m.name == "waist_girth") row.waist = m.value - person.measures[static_cast<std::size_t>(fit::Measure::waist_girth)];
   for (const int j : fit::main_joints()) row.joints += (result.joints.col(j) - person.joints.col(j)).norm() / static_cast<double>(fit::main_joints().size());
+  // A joint is missing when the bone that ends there is.
+  const std::uint32_t missing = pattern.empty() ? (body % 3 == 0 ? bones_missing("rforearm") : 0u) : scan_without(pattern, person).missing;
+  for (const int j : fit::main_joints()) {
+    const double error = (result.joints.col(j) - person.joints.col(j)).norm();
+    const bool said = result.visibility[static_cast<std::size_t>(j)] == fit::JointVisibility::inferred;
+    if ((missing >> j & 1u) != 0)
+      row.missing_mean += error, ++row.missing, row.said += said;
+    else
+      row.seen_worst = std::max(row.seen_worst, error), row.falsely += said;
+  }
+  if (row.missing > 0) row.missing_mean /= row.missing;
   if (!options.pictures.empty()) {
     std::filesystem::create_directories(options.pictures);
-    draw(options.pictures / fmt::format("{}-{}-{}.png", body, pose, to_string(outfit)), person, observation->cloud, fitted_vertices, detailed);
+    draw(options.pictures / fmt::format("{}-{}-{}{}.png", body, pose, to_string(outfit), pattern.empty() ? "" : "-" + pattern), person, observation->cloud, fitted_vertices, detailed);
   }
   (void)begin;
   return row;
@@ -137,26 +172,35 @@ Row measure(const Options& options, int body, const std::string& pose, Outfit ou
 
 int run(const Options& options) {
   fmt::print("source {}, clothed {}, frames {}; millimetres\n", options.source, options.clothed, options.frames);
-  fmt::print("{:>5} {:<8} {:<6} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7}\n", "body", "pose", "outfit", "plain", "detail", "p95", "under", "signed",
-             "waist", "joints", "fit ms", "layer");
-  for (const std::string& outfit : options.outfits) {
-    Row mean;
-    int n = 0;
-    for (const int body : options.bodies)
-      for (const std::string& pose : options.poses) {
-        const Outfit o = outfit == "bare" ? Outfit::bare : outfit == "tight" ? Outfit::tight : Outfit::loose;
-        const Row r = measure(options, body, pose, o);
-        fmt::print("{:>5} {:<8} {:<6} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.1f} {:7.1f} {:7.0f} {:7.0f}\n", body, pose, outfit, 1e3 * r.plain,
-                   1e3 * r.detail, 1e3 * r.detail_p95, 1e3 * r.under, 1e3 * r.signed_under, 1e3 * r.waist, 1e3 * r.joints, r.fit_ms, r.detail_ms);
+  fmt::print("{:>5} {:<8} {:<6} {:<14} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>10} {:>7} {:>7}\n", "body", "pose", "outfit", "missing", "plain",
+             "detail", "p95", "under", "signed", "waist", "joints", "worst", "missing", "said", "fit ms", "layer");
+  const std::vector<std::string> patterns = options.missing.empty() ? std::vector<std::string>{""} : options.missing;
+  for (const std::string& outfit : options.outfits)
+    for (const std::string& pattern : patterns) {
+      Row mean;
+      int n = 0;
+      const auto print = [&](const std::string& who, const std::string& pose, const Row& r, double share) {
+        fmt::print("{:>5} {:<8} {:<6} {:<14} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.1f} {:7.1f} {:7.1f} {:7.1f} {:>4}/{:<3}+{:<2} {:7.0f} {:7.0f}\n", who, pose,
+                   outfit, pattern, 1e3 * r.plain * share, 1e3 * r.detail * share, 1e3 * r.detail_p95 * share, 1e3 * r.under * share,
+                   1e3 * r.signed_under * share, 1e3 * r.waist * share, 1e3 * r.joints * share, 1e3 * r.seen_worst * share, 1e3 * r.missing_mean * share, r.said,
+                   r.missing, r.falsely, r.fit_ms * share, r.detail_ms * share);
         std::fflush(stdout);
-        mean.plain += r.plain, mean.detail += r.detail, mean.detail_p95 += r.detail_p95, mean.under += r.under, mean.signed_under += r.signed_under;
-        mean.waist += std::abs(r.waist), mean.joints += r.joints;
-        ++n;
-      }
-    fmt::print("mean           {:<6} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.1f} {:7.1f}   (waist: mean of absolute values)\n", outfit,
-               1e3 * mean.plain / n, 1e3 * mean.detail / n, 1e3 * mean.detail_p95 / n, 1e3 * mean.under / n, 1e3 * mean.signed_under / n, 1e3 * mean.waist / n,
-               1e3 * mean.joints / n);
-  }
+      };
+      for (const int body : options.bodies)
+        for (const std::string& pose : options.poses) {
+          const Outfit o = outfit == "bare" ? Outfit::bare : outfit == "tight" ? Outfit::tight : Outfit::loose;
+          const Row r = measure(options, body, pose, o, pattern);
+          print(std::to_string(body), pose, r, 1);
+          mean.plain += r.plain, mean.detail += r.detail, mean.detail_p95 += r.detail_p95, mean.under += r.under, mean.signed_under += r.signed_under;
+          mean.waist += std::abs(r.waist), mean.joints += r.joints, mean.seen_worst += r.seen_worst, mean.missing_mean += r.missing_mean;
+          mean.said += r.said, mean.missing += r.missing, mean.falsely += r.falsely, mean.fit_ms += r.fit_ms, mean.detail_ms += r.detail_ms;
+          ++n;
+        }
+      print("mean", "", mean, 1.0 / n);
+    }
+  fmt::print(
+      "plain and detail: the cloud from the body without and with its detail; under: the body from the bare truth; waist: in the means, of absolute values; worst: of the "
+      "seen joints; missing: mean of those without points; said: how many of these are called inferred, + how many of the seen ones\n");
   return 0;
 }
 
@@ -171,6 +215,9 @@ int main(int argc, char** argv) {
   app.add_option("--outfits", options.outfits, "bare, tight, loose")->capture_default_str();
   app.add_option("--source", options.source, "scan or camera")->check(CLI::IsMember({"scan", "camera"}))->capture_default_str();
   app.add_flag("--clothed", options.clothed, "Fit the body under clothes");
+  app.add_option("--missing", options.missing,
+                 "Parts that the scanner missed, joined by +: head, arms, legs, l or r before hand, forearm, arm, foot, shank, leg; front or back: only that side was "
+                 "scanned; none. A scan of each. Without the option every third body lacks its right forearm");
   app.add_option("--frames", options.frames, "Moments that the layer averages (camera)")->capture_default_str();
   app.add_option("--pictures", options.pictures, "Folder for pictures");
   try {
