@@ -217,6 +217,7 @@ struct Estimator::Impl {
     result.q = s.q;
     result.beta = s.beta;
     result.iterations = s.iterations;
+    result.unseen = s.unseen;
     c.diagnostics->describe(observation, exact, result);
     const Points3 vectors = c.model->bone_vectors(s.beta);
     result.energy = EnergyTerms{};

@@ -76,6 +76,7 @@ struct FitResult {
   std::array<Eigen::Quaterniond, kBones> bone_rotation;   ///< world rotation of each bone, CMU frame
   std::array<Eigen::Matrix3d, kJoints> joint_covariance;  ///< m^2
   std::array<JointVisibility, kJoints> visibility{};
+  std::uint32_t unseen = 0;      ///< bit b: the cloud, without images, shows nothing of bone b, which the priors placed
   ShapeMatrix shape_covariance;  ///< of beta, for measure_with_sd(); empty where nothing is known (preset paper)
   EnergyTerms energy;
   DistanceStatistics cloud_to_model;  ///< distance of the cloud's points to the fitted surface

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <string>
 
 #include "fit/body/skeleton.hpp"
@@ -26,5 +27,9 @@ struct PosePrior {
   /// Throws std::invalid_argument naming the member that is wrong.
   void check() const;
 };
+
+/// Sets the joint angles of q whose bit in `unknown` is set (bit k: q[k], root entries are left alone) to what is most probable beside the others: the
+/// least of outside x squared distance from the subspace + inside x squared Mahalanobis distance inside it, within the limits. Allocates nothing.
+void complete_pose(const PosePrior& prior, double outside, double inside, std::uint64_t unknown, PoseVector& q);
 
 }  // namespace booth::fit

@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "fit/body/sampling.hpp"
 #include "fit/cloud/projection.hpp"
@@ -62,6 +63,7 @@ Refiner::Refiner(const BodyModel& model, const PosePrior& prior, RefinerSize siz
       grid_(poser_.size()),
       cloud_grid_(kThinCloud),
       thin_(kThinCloud),
+      x_(static_cast<std::size_t>(poser_.size())),
       model_samples_(std::min(size.model_samples, poser_.size())),
       portions_(kPortions) {
   shaped_ = ShapeVector::Zero(poser_.shape_count());
@@ -69,7 +71,7 @@ Refiner::Refiner(const BodyModel& model, const PosePrior& prior, RefinerSize siz
 
 std::size_t Refiner::memory_bytes() const {
   return sizeof(*this) - sizeof(poser_) + poser_.memory_bytes() + grid_.memory_bytes() + cloud_grid_.memory_bytes() +
-         kThinCloud * (6 * sizeof(float) + sizeof(std::uint8_t)) + portions_.size() * (sizeof(Portion) + NormalEquations::heap_bytes());
+         kThinCloud * (6 * sizeof(float) + sizeof(std::uint8_t)) + x_.size() * sizeof(float) + portions_.size() * (sizeof(Portion) + NormalEquations::heap_bytes());
 }
 
 void Refiner::collect(const Problem& problem, int portion, bool rows) {
@@ -133,6 +135,7 @@ void Refiner::collect(const Problem& problem, int portion, bool rows) {
     const auto [begin, end] = range(problem.model_samples);
     for (int s = begin; s < end; ++s) {
       const int v = spread_vertex(s);
+      if ((weights.unseen >> poser_.main_bone(v) & 1u) != 0) continue;
       const Eigen::Vector3f n = poser_.normal(v);
       const int c = cloud_grid_.nearest(poser_.position(v), problem.stage.reach, n, kNormalGate);
       if (c < 0) {
@@ -279,6 +282,17 @@ void Refiner::fill_cloud_grid(const Cloud& cloud) {
   cloud_grid_.rebuild(thin_.x.data(), thin_.y.data(), thin_.z.data(), thin_.nx.data(), thin_.ny.data(), thin_.nz.data(), count);
 }
 
+void Refiner::fill_grid(BoneSet unseen) {
+  const float* x = poser_.x.data();
+  if (unseen != 0) {
+    // A place that is no number leaves the vertex out of the grid.
+    for (int v = 0; v < poser_.size(); ++v)
+      x_[static_cast<std::size_t>(v)] = (unseen >> poser_.main_bone(v) & 1u) != 0 ? std::numeric_limits<float>::quiet_NaN() : poser_.x[static_cast<std::size_t>(v)];
+    x = x_.data();
+  }
+  grid_.rebuild(x, poser_.y.data(), poser_.z.data(), poser_.nx.data(), poser_.ny.data(), poser_.nz.data(), poser_.size());
+}
+
 void Refiner::place(const PoseVector& q, const ShapeVector& beta) {
   if (beta != shaped_) {
     poser_.set_shape(beta);
@@ -308,7 +322,7 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
   const auto pose_at = [&](const PoseVector& pose, const ShapeVector& shape) {
     place(pose, shape);
     if (schedule.shape) poser_.prepare_shape_derivatives();
-    grid_.rebuild(poser_.x.data(), poser_.y.data(), poser_.z.data(), poser_.nx.data(), poser_.ny.data(), poser_.nz.data(), poser_.size());
+    fill_grid(weights.unseen);
   };
   const auto evaluate_here = [&](const PoseVector& pose, const ShapeVector& shape, bool rows) {
     pool_.run(kPortions, [&](int portion) { collect(problem, portion, rows); });

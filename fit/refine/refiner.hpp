@@ -10,6 +10,7 @@
 #include "fit/parallel.hpp"
 #include "fit/prior/pose_prior.hpp"
 #include "fit/refine/normal_equations.hpp"
+#include "fit/refine/part_support.hpp"
 
 namespace booth::fit {
 
@@ -38,6 +39,7 @@ struct RefineWeights {
   double pose_inside = 0.3;       ///< Mahalanobis distance inside it
   double limits = 100;            ///< 1 / rad^2 beyond a joint limit
   double bone = 4e4;              ///< 1 / m^2, left against right limb segments
+  BoneSet unseen = 0;             ///< bones of which the cloud shows nothing: their vertices explain no points and look for none
 };
 
 struct RefineSchedule {
@@ -94,6 +96,7 @@ class Refiner {
  private:
   struct Problem;
   void fill_cloud_grid(const Cloud& cloud);
+  void fill_grid(BoneSet unseen);
   /// The poser's vertices are in spread order, so its first ones are evenly spread.
   static int spread_vertex(int sample) { return sample; }
   /// `rows`: with derivatives; without, only the figures.
@@ -104,7 +107,8 @@ class Refiner {
   WorkerPool& pool_;
   Poser poser_;
   PointGrid grid_, cloud_grid_;
-  Cloud thin_;  ///< what cloud_grid_ indexes
+  Cloud thin_;            ///< what cloud_grid_ indexes
+  std::vector<float> x_;  ///< of the vertices that may explain points, where not all may
   int model_samples_;
   static constexpr int kPortions = 8, kThinCloud = 4000;
   struct Portion {

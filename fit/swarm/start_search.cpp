@@ -162,7 +162,7 @@ void StartSearch::list_turns() {
   for (int h = 0; h < kHeadings; ++h) turns_.push_back(turned(0, (h > kHeadings / 2 ? h - kHeadings : h) * 2 * pi / kHeadings, 0, true));
   const Eigen::Vector3d axis = longest_axis(cloud_.x, cloud_.y, cloud_.z, cloud_samples_);
   const double flat = std::sqrt(axis.x() * axis.x() + axis.z() * axis.z());
-  if (axis.y() * axis.y() > kUpright2 || !(flat > 0)) return;
+  if (from_top_ || axis.y() * axis.y() > kUpright2 || !(flat > 0)) return;
   // A quarter turn about z lays the body along -x, so that a turn about x rolls it and the heading points it along the cloud.
   for (const double sense : {1.0, -1.0}) {
     const double heading = exact_angle(sense * axis.z() / flat, -sense * axis.x() / flat);
@@ -175,11 +175,12 @@ Eigen::Vector3f StartSearch::place(int exemplar, const Turn& turn, Sample& out) 
   turn_all(turn.matrix.data(), from.x.data(), from.y.data(), from.z.data(), samples_, out.x.data(), out.y.data(), out.z.data());
   turn_all(turn.matrix.data(), from.nx.data(), from.ny.data(), from.nz.data(), samples_, out.nx.data(), out.ny.data(), out.nz.data());
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-  float low = std::numeric_limits<float>::max();
-  for (int i = 0; i < samples_; ++i) sum += Eigen::Vector3f(out.x[i], out.y[i], out.z[i]), low = std::min(low, out.y[i]);
+  float low = std::numeric_limits<float>::max(), high = std::numeric_limits<float>::lowest();
+  for (int i = 0; i < samples_; ++i) sum += Eigen::Vector3f(out.x[i], out.y[i], out.z[i]), low = std::min(low, out.y[i]), high = std::max(high, out.y[i]);
   Eigen::Vector3f root = middle_ - sum / static_cast<float>(samples_);
   // Who stands, stands on the floor; who lies may lie on an arm that the exemplar has elsewhere.
   root.y() = turn.upright ? ground_ - low : std::max(ground_ - low, root.y() - kUnseenBelow);
+  if (from_top_) root.y() = top_ - high;
   for (int i = 0; i < samples_; ++i) out.x[i] += root.x(), out.y[i] += root.y(), out.z[i] += root.z();
   return root;
 }
@@ -299,7 +300,7 @@ void StartSearch::judge(int begin, int end, const Sample& cloud, int cloud_count
   });
 }
 
-void StartSearch::search(const Observation& observation, int count, std::vector<StartCandidate>& out) {
+void StartSearch::search(const Observation& observation, int count, std::vector<StartCandidate>& out, bool from_top) {
   out.clear();
   const Cloud& cloud = observation.cloud;
   if (cloud.size < 50) return;
@@ -307,7 +308,12 @@ void StartSearch::search(const Observation& observation, int count, std::vector<
   glance_samples_ = sample_cloud(cloud, kGlance, glance_);
   middle_.setZero();
   float low = std::numeric_limits<float>::max();
-  for (int s = 0; s < cloud_samples_; ++s) middle_ += Eigen::Vector3f(cloud_.x[s], cloud_.y[s], cloud_.z[s]), low = std::min(low, cloud_.y[s]);
+  from_top_ = from_top;
+  top_ = std::numeric_limits<float>::lowest();
+  for (int s = 0; s < cloud_samples_; ++s) {
+    middle_ += Eigen::Vector3f(cloud_.x[s], cloud_.y[s], cloud_.z[s]);
+    low = std::min(low, cloud_.y[s]), top_ = std::max(top_, cloud_.y[s]);
+  }
   middle_ /= static_cast<float>(cloud_samples_);
   // The body stands on the floor where that is known, else on the cloud's lowest point; jumpers are found by refinement.
   ground_ = observation.floor_known ? std::max(observation.floor_height, low - 0.15f) : low;

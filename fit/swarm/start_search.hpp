@@ -36,8 +36,8 @@ class StartSearch {
   void set_shape(const ShapeVector& beta);
 
   /// Fills `out` with at most `count` (kMostCandidates) clearly different candidates, best first; `out` keeps its capacity. Empty for a cloud of fewer
-  /// than 50 points.
-  void search(const Observation& observation, int count, std::vector<StartCandidate>& out);
+  /// than 50 points. `from_top`: upright poses whose highest point is the cloud's, for a cloud that lacks the legs.
+  void search(const Observation& observation, int count, std::vector<StartCandidate>& out, bool from_top = false);
 
   /// Ways out when a limb was lost although the trunk is right: pose q with one arm or leg at the angles of an exemplar, or (`forearms`) with one
   /// forearm pointing another way; the kPerLimb that explain the cloud best for each limb, if they are clearly another pose and not clearly worse. Fills `out`
@@ -81,7 +81,8 @@ class StartSearch {
   Sample cloud_, glance_;
   int cloud_samples_ = 0, glance_samples_ = 0;
   Eigen::Vector3f middle_ = Eigen::Vector3f::Zero();  ///< of the cloud
-  float ground_ = 0;
+  float ground_ = 0, top_ = 0;
+  bool from_top_ = false;
   std::vector<Turn> turns_;
   std::vector<std::pair<float, int>> candidates_;     ///< cost, and exemplar * kMostTurns + turn
   std::array<std::vector<int>, kLimbs> limb_choice_;  ///< exemplars whose limb differs from the others'

@@ -22,6 +22,12 @@ constexpr int kLimbFinalists = 5;                                               
 constexpr int kLimbRounds = 2;                                                         // limbs of a start that may be replaced one after another
 constexpr double kFreshGain = 0.8;                                                     // and a fresh start
 constexpr double kPatience = 0.5;       // seconds of doubt before a fresh start is tried, and between two of them
+constexpr double kUndressTurn = 0.1, kUndressMove = 0.03;  // rad, m; how far the pose may lie from that of the clothes
+constexpr int kUnseenRounds = 3;           // in which limbs are left out or taken in again
+constexpr double kHalfUnexplained = 0.04;  // share of the points that a finished start leaves, above which the cloud may be half a person
+constexpr double kTopGain = 0.8;           // share of the cloud's residual that half a person may leave, to be taken
+constexpr BoneSet kLegs = 0b11110111100;   // thigh, shank, foot and toes of either side
+constexpr double kUnseenLoss = 1.03;       // share of the cloud's residual that leaving a limb out may leave; more says that it was seen
 constexpr double kLearnableData = 0.3;  // the shape is not learnt from frames that are explained worse
 constexpr int kFewestPoints = 200;      // fewer are no person
 constexpr double kLostData = 0.55;      // robust residual above which the model does not explain the cloud
@@ -41,7 +47,8 @@ BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerP
       search_(model, prior, pool),
       rough_(model, prior, {.shape_count = 1, .vertices = 700, .model_samples = 120}, pool),
       coarse_(model, prior, {.shape_count = 10, .vertices = 1500, .model_samples = 300}, pool),
-      fine_(model, prior, {.shape_count = kShapeCount, .vertices = model.vertex_count(), .model_samples = 700}, pool) {
+      fine_(model, prior, {.shape_count = kShapeCount, .vertices = model.vertex_count(), .model_samples = 700}, pool),
+      support_(fine_.poser().size()) {
   rough_schedule_ = {.cloud_samples = 300, .model_samples = 120, .shape = false, .stages = {{3, 0.15f, 0.35f}}};
   coarse_schedule_ = {.cloud_samples = 500, .model_samples = 200, .shape = false, .stages = {{5, 0.15f, 0.35f}}};
   middle_schedule_ = {.cloud_samples = 800, .model_samples = 300, .shape = true, .stages = {{6, 0.08f, 0.20f}, {5, 0.04f, 0.12f}}};
@@ -101,7 +108,7 @@ void BoothFitter::remember(const Learnt& learnt) {
 bool BoothFitter::convincing(const RefineReport& report) { return report.data < kConvincingData && report.free_space < kConvincingFreeSpace; }
 
 std::size_t BoothFitter::memory_bytes() const {
-  return sizeof(*this) - sizeof(search_) - sizeof(rough_) - sizeof(coarse_) - sizeof(fine_) + search_.memory_bytes() + rough_.memory_bytes() +
+  return sizeof(*this) - sizeof(search_) - sizeof(rough_) - sizeof(coarse_) - sizeof(fine_) - sizeof(support_) + support_.memory_bytes() + search_.memory_bytes() + rough_.memory_bytes() +
          coarse_.memory_bytes() + fine_.memory_bytes() + static_cast<std::size_t>(vertex_velocity_.size()) * sizeof(float) +
          candidates_.capacity() * sizeof(StartCandidate) + solutions_.capacity() * sizeof(Solution);
 }
@@ -116,6 +123,7 @@ bool BoothFitter::accepted(const RefineReport& report, const Observation& observ
 
 void BoothFitter::refine_fine(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity,
                               Solution& solution) {
+  fine_weights_.unseen = solution.unseen;
   solution.report = fine_.refine(observation, fine_weights_, schedule, belief, belief_, velocity, solution.q, solution.beta);
   solution.iterations += solution.report.iterations;
   solution.found = accepted(solution.report, observation);
@@ -166,6 +174,7 @@ Solution BoothFitter::race(const Observation& observation, std::span<const Start
 }
 
 Solution BoothFitter::start(const Observation& observation, BoothFitter* other_model, int heats) {
+  fine_weights_.outside = 1;
   if (observation.cloud.size < kFewestPoints) return start_from(observation, {});
   prepare_schedules(observation);
   if (shape_frames_ > 0) search_.set_shape(beta_);
@@ -209,10 +218,39 @@ Solution BoothFitter::start(const Observation& observation, BoothFitter* other_m
   refine_fine(observation, start_schedule_, {}, nullptr, best);
   if (count == 1 && best.report.data > kDoubtfulData && !find_lost_limbs(observation, start_schedule_, nullptr, best))
     refine_fine(observation, start_schedule_, {}, nullptr, best);  // the refiner has to stand at the solution
+  leave_out_unseen(observation, start_schedule_, best);
+  if (best.report.unexplained > kHalfUnexplained) start_from_top(observation, best);
+  undress(observation, best);
   return best;
 }
 
+void BoothFitter::start_from_top(const Observation& observation, Solution& solution) {
+  if (!observation.views.empty() || !parts_.two_sided || !parts_.refinement) return;
+  search_.search(observation, kEntrants, candidates_, true);
+  if (candidates_.empty()) return;
+  weights_.unseen = kLegs;
+  Solution other = race(observation, candidates_);
+  weights_.unseen = 0;
+  const PoseVector finalist = other.q;
+  ShapeVector beta = beta_;
+  beta.head(coarse_.shape_count()) = other.beta;
+  other.beta = beta;
+  other.unseen = kLegs;
+  other.iterations += solution.iterations;
+  refine_fine(observation, start_schedule_, {}, nullptr, other);
+  leave_out_unseen(observation, start_schedule_, other);
+  if (getenv("FITQ")) fprintf(stderr, "top: %08x data %.5f->%.5f unexpl %.4f->%.4f\n", other.unseen, solution.report.data, other.report.data, solution.report.unexplained, other.report.unexplained);
+  if (other.report.data < kTopGain * solution.report.data) {
+    solution = other;
+    finalists_[0] = finalist;
+    finalist_count_ = 1;
+  } else {
+    refine_fine(observation, start_schedule_, {}, nullptr, solution);  // the refiner has to stand at the solution
+  }
+}
+
 Solution BoothFitter::start_from(const Observation& observation, std::span<const PoseVector> poses) {
+  fine_weights_.outside = 1;
   Solution best;
   best.beta = beta_;
   finalist_count_ = 0;
@@ -228,7 +266,18 @@ Solution BoothFitter::start_from(const Observation& observation, std::span<const
   best.q = solutions_.front().q;
   best.beta.head(coarse_.shape_count()) = solutions_.front().beta;
   refine_fine(observation, start_schedule_, {}, nullptr, best);
+  leave_out_unseen(observation, start_schedule_, best);
+  undress(observation, best);
   return best;
+}
+
+void BoothFitter::undress(const Observation& observation, Solution& solution) {
+  if (clothed_ == 1) return;
+  fine_weights_.outside = clothed_;
+  PoseBelief belief{solution.q, PoseVector::Constant(1 / (kUndressTurn * kUndressTurn))};
+  belief.inverse_variance.head<3>().setConstant(1 / (kUndressMove * kUndressMove));
+  refine_fine(observation, start_schedule_, belief, nullptr, solution);
+  fine_weights_.outside = 1;
 }
 
 void BoothFitter::adopt(const Observation& observation, const Solution& solution) {
@@ -307,6 +356,35 @@ bool BoothFitter::find_lost_limbs(const Observation& observation, const RefineSc
   return true;
 }
 
+void BoothFitter::leave_out_unseen(const Observation& observation, const RefineSchedule& schedule, Solution& solution) {
+  if (!observation.views.empty() || !parts_.two_sided || !parts_.refinement) return;
+  for (int round = 0; round < kUnseenRounds; ++round) {
+    Solution best;
+    bool tried = false;
+    const std::array<BoneSet, 2> sets{support_.unseen(fine_.poser(), observation.cloud, false), support_.unseen(fine_.poser(), observation.cloud, true)};
+    for (const BoneSet unseen : sets) {
+      if (unseen == solution.unseen || (tried && unseen == best.unseen)) continue;
+      Solution other = solution;
+      other.unseen = unseen;
+      // An angle is free when nothing that it moves was seen.
+      std::uint64_t moves_seen = 0, moves_unseen = 0;
+      for (int b = 0; b < kBones; ++b) ((unseen >> b & 1u) != 0 ? moves_unseen : moves_seen) |= dof_mask(b);
+      complete_pose(prior_, weights_.pose_outside, weights_.pose_inside, moves_unseen & ~moves_seen, other.q);
+      refine_fine(observation, schedule, {}, nullptr, other);
+      if (!tried || other.report.energy < best.report.energy) best = other;
+      tried = true;
+    }
+    if (!tried) return;
+    const bool worse = best.report.data > kUnseenLoss * solution.report.data;
+    if (getenv("FITQ"))
+      fprintf(stderr, "round %d %08x->%08x data %.5f->%.5f unexpl %.4f->%.4f %s\n", round, solution.unseen, best.unseen, solution.report.data, best.report.data,
+              solution.report.unexplained, best.report.unexplained, worse ? "refused" : "taken");
+    if (!worse) solution = best;
+    if (worse || sets[0] != sets[1]) refine_fine(observation, schedule, {}, nullptr, solution);  // the refiner has to stand at the solution
+    if (worse) return;
+  }
+}
+
 bool BoothFitter::start_afresh(const Observation& observation, Solution& solution) {
   // The body may be what is wrong: try without what was learnt.
   const Learnt kept = learnt();
@@ -326,6 +404,7 @@ bool BoothFitter::start_afresh(const Observation& observation, Solution& solutio
 }
 
 Solution BoothFitter::track(const Observation& observation) {
+  fine_weights_.outside = clothed_;
   const double dt = std::clamp(observation.time - time_, 1e-3, 0.2);
   Solution s;
   s.q = q_ + kPredictionShare * dt * velocity_;
@@ -362,6 +441,7 @@ Solution BoothFitter::track(const Observation& observation) {
     if (observation.time - doubtful_since_ > kPatience) {
       doubtful_since_ = observation.time;
       if (start_afresh(observation, s)) return s;
+      fine_weights_.outside = clothed_;
       refine_fine(observation, schedule, belief, velocity, s);  // the refiner has to stand at the solution again
     }
   }

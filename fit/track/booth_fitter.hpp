@@ -17,6 +17,7 @@ struct Solution {
   RefineReport report;
   int iterations = 0;
   bool found = false;
+  BoneSet unseen = 0;  ///< bones of which the cloud shows nothing; the priors put them where they are
 };
 
 /// Allocates in the constructor only. One thread calls at a time.
@@ -25,7 +26,7 @@ class BoothFitter {
   BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerPool& pool, const FitParts& parts = {});
 
   /// Points outside the body are taken for clothes and weigh little; those inside weigh as ever. Before anything is fitted.
-  void set_clothed(double weight) { fine_weights_.outside = weight; }
+  void set_clothed(double weight) { clothed_ = weight; }
   /// Forgets pose, motion and shape.
   void reset();
   /// Forgets pose and motion; the shape that was learnt stays.
@@ -81,6 +82,12 @@ class BoothFitter {
   bool replace_limb(const Observation& observation, Solution& solution);
   /// Takes a limb's other pose where that explains the cloud better. False: the refiner does not stand at the solution any more.
   bool find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const Vertices* velocity, Solution& solution);
+  /// Where only a cloud is known: limbs that it shows nothing of are left to the priors. The refiner stands at the solution before and after.
+  void leave_out_unseen(const Observation& observation, const RefineSchedule& schedule, Solution& solution);
+  /// Where only a cloud is known, and it is not explained: whether it is that of somebody without legs, whose head is what is highest.
+  void start_from_top(const Observation& observation, Solution& solution);
+  /// The last refinement of a start where clothes were seen: the pose is that of the clothes, nearly, and the body is inside them.
+  void undress(const Observation& observation, Solution& solution);
   bool start_afresh(const Observation& observation, Solution& solution);
   bool accepted(const RefineReport& report, const Observation& observation) const;
   void learn_shape(const Solution& solution);
@@ -90,8 +97,10 @@ class BoothFitter {
   const PosePrior& prior_;
   const FitParts parts_;
   RefineWeights weights_, fine_weights_;
+  double clothed_ = 1;  ///< what points outside the body weigh once the pose is known
   StartSearch search_;
   Refiner rough_, coarse_, fine_;
+  PartSupport support_;
   RefineSchedule rough_schedule_, coarse_schedule_, limb_glance_schedule_, limb_schedule_, middle_schedule_, start_schedule_, thorough_track_schedule_,
       track_schedule_;
 

@@ -73,7 +73,7 @@ void Diagnostics::describe(const Observation& observation, bool exact, FitResult
       distance = exact                       ? surface_.distance(p)
                  : across2 < 0.015f * 0.015f ? std::abs(along)
                                              : std::min(difference.norm(), std::sqrt(along * along + across2 * 0.25f));
-      if (distance < kExplained) ++seen[static_cast<std::size_t>(poser_.main_bone(v))];
+      if (distance < kExplained && (result.unseen >> poser_.main_bone(v) & 1u) == 0) ++seen[static_cast<std::size_t>(poser_.main_bone(v))];
     }
     distance_[o] = distance;
   }

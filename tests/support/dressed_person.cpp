@@ -192,7 +192,6 @@ std::uint32_t bones_missing(std::string_view part) {
   if (part == "legs") return bones_missing("lleg") | bones_missing("rleg");
   const std::string side(part.substr(0, 1)), name(part.empty() ? part : part.substr(1));
   if (side == "l" || side == "r") {
-    if (name == "hand") return bits({side + "hand"});
     if (name == "forearm") return bits({side + "hand", side + "radius"});
     if (name == "arm") return bits({side + "hand", side + "radius", side + "humerus"});
     if (name == "foot") return bits({side + "foot", side + "toes"});
@@ -200,7 +199,7 @@ std::uint32_t bones_missing(std::string_view part) {
     if (name == "leg") return bits({side + "foot", side + "toes", side + "tibia", side + "femur"});
   }
   throw std::invalid_argument("dressed person: unknown part " + std::string(part) +
-                              "; known are head, arms, legs, and l or r before hand, forearm, arm, foot, shank, leg");
+                              "; known are head, arms, legs, and l or r before forearm, arm, foot, shank, leg");
 }
 
 Eigen::Matrix3Xf scan_of(const DressedPerson& person, const ScanRequest& request) {

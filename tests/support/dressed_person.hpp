@@ -55,7 +55,7 @@ struct ScanRequest {
   bool floor = false;        ///< a disc of floor of 1 m radius was scanned too
   std::uint64_t seed = 1;
 };
-/// Bones of the parts that are named: (l|r)hand, forearm, arm, foot, shank, leg, or head, legs, arms. Throws std::invalid_argument for others.
+/// Bones of the parts that are named: (l|r)forearm, arm, foot, shank, leg, or head, legs, arms. Throws std::invalid_argument for others.
 std::uint32_t bones_missing(std::string_view part);
 /// Points of the outer surface as a scanner's file has them: no normals, no order.
 Eigen::Matrix3Xf scan_of(const DressedPerson& person, const ScanRequest& request);

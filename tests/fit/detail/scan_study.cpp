@@ -25,7 +25,8 @@ struct Options {
   std::string source = "scan";  // or camera
   bool clothed = false;
   std::vector<std::string> missing;  ///< each a part, several joined by +, or front, back, none: a scan of each
-  int frames = 1;
+  int frames = 1, points = 100000;
+  bool layer = true;
   std::filesystem::path pictures;
 };
 
@@ -92,6 +93,7 @@ Row measure(const Options& options, int body, const std::string& pose, Outfit ou
       ScanRequest request = scan_without(pattern, person);
       request.without_arm = pattern.empty() && body % 3 == 0;
       request.seed = seed;
+      request.points = options.points;
       return scan_of(person, request);
     }();
     fit::build_unorganised(points, Eigen::Matrix3Xf(3, 0), {}, {}, scan, report);
@@ -105,7 +107,7 @@ Row measure(const Options& options, int body, const std::string& pose, Outfit ou
   row.fit_ms = now_ms() - built;
   const double fitted = now_ms();
   fit::DetailLayer layer(estimator.model(), {});
-  layer.fit(*observation, result.beta, result.q);
+  if (options.layer) layer.fit(*observation, result.beta, result.q);
   for (int frame = 1; frame < options.frames && cameras; ++frame) {
     cameras->look(person.outer, person.outer_faces, static_cast<std::uint64_t>(frame));
     layer.add(cameras->observation(), result.beta, result.q);
@@ -216,8 +218,10 @@ int main(int argc, char** argv) {
   app.add_option("--source", options.source, "scan or camera")->check(CLI::IsMember({"scan", "camera"}))->capture_default_str();
   app.add_flag("--clothed", options.clothed, "Fit the body under clothes");
   app.add_option("--missing", options.missing,
-                 "Parts that the scanner missed, joined by +: head, arms, legs, l or r before hand, forearm, arm, foot, shank, leg; front or back: only that side was "
+                 "Parts that the scanner missed, joined by +: head, arms, legs, l or r before forearm, arm, foot, shank, leg; front or back: only that side was "
                  "scanned; none. A scan of each. Without the option every third body lacks its right forearm");
+  app.add_option("--points", options.points, "Of a scan")->capture_default_str();
+  app.add_flag("--layer,!--no-layer", options.layer, "The detail layer is fitted too (default)");
   app.add_option("--frames", options.frames, "Moments that the layer averages (camera)")->capture_default_str();
   app.add_option("--pictures", options.pictures, "Folder for pictures");
   try {
