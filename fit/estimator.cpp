@@ -13,6 +13,7 @@
 #include "fit/track/booth_fitter.hpp"
 #include "fit/track/diagnostics.hpp"
 #include "fit/track/paper_fitter.hpp"
+#include "fit/track/rest_filter.hpp"
 
 namespace booth::fit {
 namespace {
@@ -47,6 +48,7 @@ struct Estimator::Impl {
   Candidate* last = nullptr;  ///< who made the last result
   bool following = false;
   int bad_frames = 0;
+  RestFilter steady;  ///< preset booth, a followed person
   FitResult result;
 
   Impl(std::shared_ptr<const BodyModel> men, std::shared_ptr<const BodyModel> women, std::shared_ptr<const PosePrior> p, EstimatorSettings s)
@@ -214,7 +216,8 @@ struct Estimator::Impl {
     last = &c;
     result.state = state;
     result.sex = c.model->sex();
-    result.q = s.q;
+    if (state != FitState::tracked) steady.reset();
+    result.q = c.booth && state == FitState::tracked ? steady.next(s.q) : s.q;
     result.beta = s.beta;
     result.iterations = s.iterations;
     result.unseen = s.unseen;

@@ -53,6 +53,10 @@ std::vector<std::string> warnings(const fit::FitResult& result, std::size_t view
   std::vector<std::string> out;
   if (coverage_is_partial(result, viewpoints))
     out.push_back(fmt::format("coverage: partial. The points show {:.0f} % of the body; the rest is inferred and less certain", 100 * result.coverage));
+  std::string unseen;
+  for (int b = 0; b < fit::kBones; ++b)
+    if ((result.unseen >> b & 1u) != 0) unseen += fmt::format("{}{}", unseen.empty() ? "" : ", ", fit::bones()[static_cast<std::size_t>(b)].name);
+  if (!unseen.empty()) out.push_back(fmt::format("the points show nothing of {}: placed as is usual beside the rest, not measured", unseen));
   constexpr double kLies = 0.5;  // cosine between the trunk and the vertical
   const Eigen::Vector3d trunk = result.joints.col(fit::joint_index("head_base")) - result.joints.col(fit::joint_index("root"));
   if (trunk.y() < kLies * trunk.norm())

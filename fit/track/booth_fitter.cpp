@@ -239,7 +239,6 @@ void BoothFitter::start_from_top(const Observation& observation, Solution& solut
   other.iterations += solution.iterations;
   refine_fine(observation, start_schedule_, {}, nullptr, other);
   leave_out_unseen(observation, start_schedule_, other);
-  if (getenv("FITQ")) fprintf(stderr, "top: %08x data %.5f->%.5f unexpl %.4f->%.4f\n", other.unseen, solution.report.data, other.report.data, solution.report.unexplained, other.report.unexplained);
   if (other.report.data < kTopGain * solution.report.data) {
     solution = other;
     finalists_[0] = finalist;
@@ -376,9 +375,6 @@ void BoothFitter::leave_out_unseen(const Observation& observation, const RefineS
     }
     if (!tried) return;
     const bool worse = best.report.data > kUnseenLoss * solution.report.data;
-    if (getenv("FITQ"))
-      fprintf(stderr, "round %d %08x->%08x data %.5f->%.5f unexpl %.4f->%.4f %s\n", round, solution.unseen, best.unseen, solution.report.data, best.report.data,
-              solution.report.unexplained, best.report.unexplained, worse ? "refused" : "taken");
     if (!worse) solution = best;
     if (worse || sets[0] != sets[1]) refine_fine(observation, schedule, {}, nullptr, solution);  // the refiner has to stand at the solution
     if (worse) return;

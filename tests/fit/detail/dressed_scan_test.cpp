@@ -78,6 +78,63 @@ TEST(DressedScan, MeasurementsSayHowWellTheyAreKnown) {
   EXPECT_NEAR(vague[0].sd, 0.077, 0.03) << "men's statures differ by 7.7 cm";
 }
 
+double joint_error(const fit::FitResult& result, const DressedPerson& person, std::string_view joint) {
+  return (result.joints.col(fit::joint_index(joint)) - person.joints.col(fit::joint_index(joint))).norm();
+}
+
+bool inferred(const fit::FitResult& result, std::string_view joint) {
+  return result.visibility[static_cast<std::size_t>(fit::joint_index(joint))] == fit::JointVisibility::inferred;
+}
+
+TEST(DressedScan, AMissingForearmIsNotFoldedOntoTheTrunkAndSaysSo) {
+  const DressedPerson person = dress({.body = 66, .pose = "a", .heading = 120, .seed = 66});
+  const fit::Observation scan = observed(person, {.points = kPoints, .missing = bones_missing("rforearm"), .seed = 66});
+  const auto fitter = estimator(false);
+  const fit::FitResult& result = fitter->fit(scan);
+  EXPECT_EQ(result.unseen, bones_missing("rforearm"));
+  EXPECT_TRUE(inferred(result, "rwrist"));
+  EXPECT_FALSE(inferred(result, "relbow"));
+  EXPECT_FALSE(inferred(result, "lwrist"));
+  EXPECT_LT(joint_error(result, person, "rwrist"), 0.10);
+  for (const int j : fit::main_joints()) {
+    if (j == fit::joint_index("rwrist")) continue;
+    EXPECT_LT(joint_error(result, person, fit::bones()[static_cast<std::size_t>(j)].end_joint), 0.04) << j;
+  }
+}
+
+TEST(DressedScan, AMissingLegDoesNotShareThePointsOfTheOther) {
+  const DressedPerson person = dress({.body = 13, .pose = "stride", .heading = 160, .seed = 13});
+  const fit::Observation scan = observed(person, {.points = kPoints, .missing = bones_missing("rleg"), .seed = 13});
+  const auto fitter = estimator(false);
+  const fit::FitResult& result = fitter->fit(scan);
+  EXPECT_EQ(result.unseen, bones_missing("rleg"));
+  EXPECT_TRUE(inferred(result, "rankle"));
+  EXPECT_FALSE(inferred(result, "lankle"));
+  EXPECT_LT(joint_error(result, person, "lankle"), 0.04);
+  EXPECT_LT(joint_error(result, person, "rankle"), 0.40) << "where a standing person may have it";
+}
+
+TEST(DressedScan, HalfAPersonIsFoundByTheHead) {
+  const DressedPerson person = dress({.body = 13, .pose = "stride", .heading = 160, .seed = 13});
+  const fit::Observation scan = observed(person, {.points = kPoints, .missing = bones_missing("legs"), .seed = 13});
+  const auto fitter = estimator(false);
+  const fit::FitResult& result = fitter->fit(scan);
+  EXPECT_EQ(result.unseen, bones_missing("legs"));
+  for (const char* joint : {"head_base", "chest_top", "lelbow", "relbow", "lwrist", "rwrist"}) {
+    EXPECT_FALSE(inferred(result, joint)) << joint;
+    EXPECT_LT(joint_error(result, person, joint), 0.04) << joint;
+  }
+}
+
+TEST(DressedScan, ALimbUnderClothesIsWhereItsSleeveIs) {
+  const DressedPerson person = dress({.body = 44, .pose = "stride", .heading = 320, .outfit = Outfit::tight, .seed = 44});
+  const fit::Observation scan = observed(person, {.points = kPoints, .seed = 44});
+  const auto fitter = estimator(true);
+  const fit::FitResult& result = fitter->fit(scan);
+  EXPECT_EQ(result.unseen, 0u);
+  for (const int j : fit::main_joints()) EXPECT_LT(joint_error(result, person, fit::bones()[static_cast<std::size_t>(j)].end_joint), 0.04) << j;
+}
+
 TEST(DressedScan, TheBodyUnderLooseClothesIsNotInflated) {
   const DressedPerson person = dress({.body = 16, .pose = "a", .heading = 40, .outfit = Outfit::loose, .seed = 16});
   const fit::Observation scan = observed(person, {.points = kPoints, .seed = 16});
