@@ -217,12 +217,12 @@ struct Estimator::Impl {
     result.state = state;
     result.sex = c.model->sex();
     if (state != FitState::tracked) steady.reset();
-    result.q = c.booth && state == FitState::tracked ? steady.next(s.q) : s.q;
+    const Points3 vectors = c.model->bone_vectors(s.beta);
+    result.q = c.booth && state == FitState::tracked ? steady.next(s.q, vectors) : s.q;
     result.beta = s.beta;
     result.iterations = s.iterations;
     result.unseen = s.unseen;
     c.diagnostics->describe(observation, exact, result);
-    const Points3 vectors = c.model->bone_vectors(s.beta);
     result.energy = EnergyTerms{};
     result.energy.shape = shape_energy(s.beta);
     result.energy.bone = bone_energy(vectors);

@@ -5,12 +5,17 @@
 
 namespace booth::fit {
 
-const PoseVector& RestFilter::next(const PoseVector& q) {
+const PoseVector& RestFilter::next(const PoseVector& q, const Points3& bone_vectors) {
   const PoseVector change = q - pose_;
-  const double most = std::max(change.head<3>().cwiseAbs().maxCoeff() / kNoiseMove, change.tail<kDofs - 3>().cwiseAbs().maxCoeff() / kNoiseTurn);
-  const double share = has_pose_ && most < 1 ? kLeast + (1 - kLeast) * most * most : 1.0;
-  if (share < 1)
-    pose_ += share * change;
+  double most = change.tail<kDofs - 3>().cwiseAbs().maxCoeff() / kTurn;
+  if (has_pose_ && most < 1) {
+    Kinematics before, now;
+    forward_kinematics(pose_, bone_vectors, before);
+    forward_kinematics(q, bone_vectors, now);
+    most = std::max(most, (now.joint - before.joint).colwise().norm().maxCoeff() / kMove);
+  }
+  if (has_pose_ && most < 1)
+    pose_ += (kLeast + (1 - kLeast) * most * most) * change;
   else
     pose_ = q;
   has_pose_ = true;
