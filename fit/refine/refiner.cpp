@@ -71,7 +71,8 @@ Refiner::Refiner(const BodyModel& model, const PosePrior& prior, RefinerSize siz
 
 std::size_t Refiner::memory_bytes() const {
   return sizeof(*this) - sizeof(poser_) + poser_.memory_bytes() + grid_.memory_bytes() + cloud_grid_.memory_bytes() +
-         kThinCloud * (6 * sizeof(float) + sizeof(std::uint8_t)) + x_.size() * sizeof(float) + portions_.size() * (sizeof(Portion) + NormalEquations::heap_bytes());
+         kThinCloud * (6 * sizeof(float) + sizeof(std::uint8_t)) + x_.size() * sizeof(float) +
+         portions_.size() * (sizeof(Portion) + NormalEquations::heap_bytes());
 }
 
 void Refiner::collect(const Problem& problem, int portion, bool rows) {
@@ -287,7 +288,8 @@ void Refiner::fill_grid(BoneSet unseen) {
   if (unseen != 0) {
     // A place that is no number leaves the vertex out of the grid.
     for (int v = 0; v < poser_.size(); ++v)
-      x_[static_cast<std::size_t>(v)] = (unseen >> poser_.main_bone(v) & 1u) != 0 ? std::numeric_limits<float>::quiet_NaN() : poser_.x[static_cast<std::size_t>(v)];
+      x_[static_cast<std::size_t>(v)] =
+          (unseen >> poser_.main_bone(v) & 1u) != 0 ? std::numeric_limits<float>::quiet_NaN() : poser_.x[static_cast<std::size_t>(v)];
     x = x_.data();
   }
   grid_.rebuild(x, poser_.y.data(), poser_.z.data(), poser_.nx.data(), poser_.ny.data(), poser_.nz.data(), poser_.size());

@@ -21,16 +21,16 @@ constexpr double kLimbGain = 0.98;                                              
 constexpr int kLimbFinalists = 5;                                                      // of the proposed limbs, how many get a second look
 constexpr int kLimbRounds = 2;                                                         // limbs of a start that may be replaced one after another
 constexpr double kFreshGain = 0.8;                                                     // and a fresh start
-constexpr double kPatience = 0.5;       // seconds of doubt before a fresh start is tried, and between two of them
+constexpr double kPatience = 0.5;                          // seconds of doubt before a fresh start is tried, and between two of them
 constexpr double kUndressTurn = 0.1, kUndressMove = 0.03;  // rad, m; how far the pose may lie from that of the clothes
-constexpr int kUnseenRounds = 3;           // in which limbs are left out or taken in again
-constexpr double kHalfUnexplained = 0.04;  // share of the points that a finished start leaves, above which the cloud may be half a person
-constexpr double kTopGain = 0.8;           // share of the cloud's residual that half a person may leave, to be taken
-constexpr BoneSet kLegs = 0b11110111100;   // thigh, shank, foot and toes of either side
-constexpr double kUnseenLoss = 1.03;       // share of the cloud's residual that leaving a limb out may leave; more says that it was seen
-constexpr double kLearnableData = 0.3;  // the shape is not learnt from frames that are explained worse
-constexpr int kFewestPoints = 200;      // fewer are no person
-constexpr double kLostData = 0.55;      // robust residual above which the model does not explain the cloud
+constexpr int kUnseenRounds = 3;                           // in which limbs are left out or taken in again
+constexpr double kHalfUnexplained = 0.04;                  // share of the points that a finished start leaves, above which the cloud may be half a person
+constexpr double kTopGain = 0.8;                           // share of the cloud's residual that half a person may leave, to be taken
+constexpr BoneSet kLegs = 0b11110111100;                   // thigh, shank, foot and toes of either side
+constexpr double kUnseenLoss = 1.03;                       // share of the cloud's residual that leaving a limb out may leave; more says that it was seen
+constexpr double kLearnableData = 0.3;                     // the shape is not learnt from frames that are explained worse
+constexpr int kFewestPoints = 200;                         // fewer are no person
+constexpr double kLostData = 0.55;                         // robust residual above which the model does not explain the cloud
 constexpr double kLostFreeSpace = 0.45;
 constexpr double kVelocityMemory = 0.4;    // share of the old velocity in the new
 constexpr double kPredictionShare = 0.8;   // of the velocity that is trusted for one frame
@@ -108,9 +108,10 @@ void BoothFitter::remember(const Learnt& learnt) {
 bool BoothFitter::convincing(const RefineReport& report) { return report.data < kConvincingData && report.free_space < kConvincingFreeSpace; }
 
 std::size_t BoothFitter::memory_bytes() const {
-  return sizeof(*this) - sizeof(search_) - sizeof(rough_) - sizeof(coarse_) - sizeof(fine_) - sizeof(support_) + support_.memory_bytes() + search_.memory_bytes() + rough_.memory_bytes() +
-         coarse_.memory_bytes() + fine_.memory_bytes() + static_cast<std::size_t>(vertex_velocity_.size()) * sizeof(float) +
-         candidates_.capacity() * sizeof(StartCandidate) + solutions_.capacity() * sizeof(Solution);
+  return sizeof(*this) - sizeof(search_) - sizeof(rough_) - sizeof(coarse_) - sizeof(fine_) - sizeof(support_) + support_.memory_bytes() +
+         search_.memory_bytes() + rough_.memory_bytes() + coarse_.memory_bytes() + fine_.memory_bytes() +
+         static_cast<std::size_t>(vertex_velocity_.size()) * sizeof(float) + candidates_.capacity() * sizeof(StartCandidate) +
+         solutions_.capacity() * sizeof(Solution);
 }
 
 bool BoothFitter::sure(const RefineReport& report) {
@@ -281,6 +282,7 @@ void BoothFitter::undress(const Observation& observation, Solution& solution) {
 
 void BoothFitter::adopt(const Observation& observation, const Solution& solution) {
   q_ = solution.q;
+  unseen_ = solution.unseen;
   velocity_.setZero();
   time_ = doubtful_since_ = observation.time;
   tracked_frames_ = 0;
@@ -405,6 +407,7 @@ Solution BoothFitter::track(const Observation& observation) {
   Solution s;
   s.q = q_ + kPredictionShare * dt * velocity_;
   s.beta = beta_;
+  if (observation.views.empty()) s.unseen = unseen_;
   if (observation.cloud.size < kFewestPoints) return s;
 
   PoseBelief belief;

@@ -110,6 +110,7 @@ class BoothFitter {
   ShapeBelief belief_, no_belief_, rough_belief_;
   double time_ = 0;
   int shape_frames_ = 0, tracked_frames_ = 0;
+  BoneSet unseen_ = 0;         ///< while clouds without images are followed
   double doubtful_since_ = 0;  ///< time of the last convincing frame, or of the last fresh start that did not help
   Vertices vertex_velocity_;
   std::vector<StartCandidate> candidates_;

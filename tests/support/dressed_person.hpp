@@ -47,12 +47,12 @@ DressedPerson dress(const PersonRequest& request);
 
 struct ScanRequest {
   int points = 100000;
-  float noise = 0.0015f;     ///< m, along each axis
-  int holes = 8;             ///< balls of 4 to 9 cm in which the scanner saw nothing
-  bool without_arm = false;  ///< the right arm is missing from the elbow on
-  std::uint32_t missing = 0;  ///< bit b: nothing that belongs to bone b was scanned (bones_missing)
+  float noise = 0.0015f;                           ///< m, along each axis
+  int holes = 8;                                   ///< balls of 4 to 9 cm in which the scanner saw nothing
+  bool without_arm = false;                        ///< the right arm is missing from the elbow on
+  std::uint32_t missing = 0;                       ///< bit b: nothing that belongs to bone b was scanned (bones_missing)
   Eigen::Vector3f side = Eigen::Vector3f::Zero();  ///< not zero: only what faces this way was scanned
-  bool floor = false;        ///< a disc of floor of 1 m radius was scanned too
+  bool floor = false;                              ///< a disc of floor of 1 m radius was scanned too
   std::uint64_t seed = 1;
 };
 /// Bones of the parts that are named: (l|r)forearm, arm, foot, shank, leg, or head, legs, arms. Throws std::invalid_argument for others.

@@ -166,7 +166,8 @@ Row measure(const Options& options, int body, const std::string& pose, Outfit ou
   if (row.missing > 0) row.missing_mean /= row.missing;
   if (!options.pictures.empty()) {
     std::filesystem::create_directories(options.pictures);
-    draw(options.pictures / fmt::format("{}-{}-{}{}.png", body, pose, to_string(outfit), pattern.empty() ? "" : "-" + pattern), person, observation->cloud, fitted_vertices, detailed);
+    draw(options.pictures / fmt::format("{}-{}-{}{}.png", body, pose, to_string(outfit), pattern.empty() ? "" : "-" + pattern), person, observation->cloud,
+         fitted_vertices, detailed);
   }
   (void)begin;
   return row;
@@ -174,18 +175,18 @@ Row measure(const Options& options, int body, const std::string& pose, Outfit ou
 
 int run(const Options& options) {
   fmt::print("source {}, clothed {}, frames {}; millimetres\n", options.source, options.clothed, options.frames);
-  fmt::print("{:>5} {:<8} {:<6} {:<14} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>10} {:>7} {:>7}\n", "body", "pose", "outfit", "missing", "plain",
-             "detail", "p95", "under", "signed", "waist", "joints", "worst", "missing", "said", "fit ms", "layer");
+  fmt::print("{:>5} {:<8} {:<6} {:<14} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>10} {:>7} {:>7}\n", "body", "pose", "outfit", "missing",
+             "plain", "detail", "p95", "under", "signed", "waist", "joints", "worst", "missing", "said", "fit ms", "layer");
   const std::vector<std::string> patterns = options.missing.empty() ? std::vector<std::string>{""} : options.missing;
   for (const std::string& outfit : options.outfits)
     for (const std::string& pattern : patterns) {
       Row mean;
       int n = 0;
       const auto print = [&](const std::string& who, const std::string& pose, const Row& r, double share) {
-        fmt::print("{:>5} {:<8} {:<6} {:<14} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.1f} {:7.1f} {:7.1f} {:7.1f} {:>4}/{:<3}+{:<2} {:7.0f} {:7.0f}\n", who, pose,
-                   outfit, pattern, 1e3 * r.plain * share, 1e3 * r.detail * share, 1e3 * r.detail_p95 * share, 1e3 * r.under * share,
-                   1e3 * r.signed_under * share, 1e3 * r.waist * share, 1e3 * r.joints * share, 1e3 * r.seen_worst * share, 1e3 * r.missing_mean * share, r.said,
-                   r.missing, r.falsely, r.fit_ms * share, r.detail_ms * share);
+        fmt::print("{:>5} {:<8} {:<6} {:<14} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.1f} {:7.1f} {:7.1f} {:7.1f} {:>4}/{:<3}+{:<2} {:7.0f} {:7.0f}\n", who,
+                   pose, outfit, pattern, 1e3 * r.plain * share, 1e3 * r.detail * share, 1e3 * r.detail_p95 * share, 1e3 * r.under * share,
+                   1e3 * r.signed_under * share, 1e3 * r.waist * share, 1e3 * r.joints * share, 1e3 * r.seen_worst * share, 1e3 * r.missing_mean * share,
+                   r.said, r.missing, r.falsely, r.fit_ms * share, r.detail_ms * share);
         std::fflush(stdout);
       };
       for (const int body : options.bodies)
@@ -201,7 +202,8 @@ int run(const Options& options) {
       print("mean", "", mean, 1.0 / n);
     }
   fmt::print(
-      "plain and detail: the cloud from the body without and with its detail; under: the body from the bare truth; waist: in the means, of absolute values; worst: of the "
+      "plain and detail: the cloud from the body without and with its detail; under: the body from the bare truth; waist: in the means, of absolute values; "
+      "worst: of the "
       "seen joints; missing: mean of those without points; said: how many of these are called inferred, + how many of the seen ones\n");
   return 0;
 }
@@ -217,9 +219,10 @@ int main(int argc, char** argv) {
   app.add_option("--outfits", options.outfits, "bare, tight, loose")->capture_default_str();
   app.add_option("--source", options.source, "scan or camera")->check(CLI::IsMember({"scan", "camera"}))->capture_default_str();
   app.add_flag("--clothed", options.clothed, "Fit the body under clothes");
-  app.add_option("--missing", options.missing,
-                 "Parts that the scanner missed, joined by +: head, arms, legs, l or r before forearm, arm, foot, shank, leg; front or back: only that side was "
-                 "scanned; none. A scan of each. Without the option every third body lacks its right forearm");
+  app.add_option(
+      "--missing", options.missing,
+      "Parts that the scanner missed, joined by +: head, arms, legs, l or r before forearm, arm, foot, shank, leg; front or back: only that side was "
+      "scanned; none. A scan of each. Without the option every third body lacks its right forearm");
   app.add_option("--points", options.points, "Of a scan")->capture_default_str();
   app.add_flag("--layer,!--no-layer", options.layer, "The detail layer is fitted too (default)");
   app.add_option("--frames", options.frames, "Moments that the layer averages (camera)")->capture_default_str();
