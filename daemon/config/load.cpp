@@ -8,8 +8,8 @@
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
-#include <map>
 #include <ostream>
+#include <set>
 #include <sstream>
 
 #include "daemon/config/keys.hpp"
@@ -30,6 +30,10 @@ struct Loader {
   Config config;
   std::vector<std::string> problems;
   std::size_t absent = 0;  ///< problems that are camera drivers of another build
+  std::set<std::string> named;
+  std::vector<std::string> passed_over;
+  bool pass_over = false;  ///< what is not known
+  bool is_export = false;
 
   void problem(const std::string& place, std::string_view key, const std::string& what) {
     problems.push_back(key.empty() ? fmt::format("{}: {}", place, what) : fmt::format("{}: {}: {}", place, key, what));
@@ -50,6 +54,7 @@ struct Loader {
   }
 
   void value(const ConfigKey& key, const std::string& place, const toml::node& node) {
+    named.emplace(key.name);
     const auto wrong_type = [&] { problem(place, key.name, fmt::format("has the wrong type; allowed is {}", allowed_values(key))); };
     const auto in_range = [&](double v) {
       if (std::isfinite(v) && v >= key.minimum && v <= key.maximum) return true;
@@ -89,8 +94,19 @@ struct Loader {
   }
 
   void unknown(const std::string& place, const std::string& name) {
+    if (pass_over) return passed_over.push_back(name);
     const std::string_view near = nearest_config_key(name);
     problem(place, name, near.empty() ? "is not a key of boothd" : fmt::format("is not a key of boothd; did you mean {}?", near));
+  }
+
+  /// Who wrote an exported file: nothing that is set by it, so that an export is a configuration file like any other.
+  void export_table(const std::string& place, const toml::node& node) {
+    is_export = true;
+    const toml::table* t = node.as_table();
+    const auto format = t == nullptr ? std::nullopt : (*t)["format"].value_exact<std::int64_t>();
+    if (!format || *format < 1) return problem(place, "export", "must be the table that `boothctl config export` writes, with its format");
+    if (*format > kExportFormat)
+      problem(place, "export.format", fmt::format("is {}, and this version reads {}; export with an older boothd, or update this one", *format, kExportFormat));
   }
 
   void table(const std::string& prefix, const std::string& file, const toml::table& t) {
@@ -99,6 +115,10 @@ struct Loader {
       const std::string place = fmt::format("{}:{}", file, k.source().begin.line);
       if (const ConfigKey* key = find_config_key(name)) {
         value(*key, place, node);
+        continue;
+      }
+      if (name == "export") {
+        export_table(place, node);
         continue;
       }
       const auto keys = config_keys();
@@ -122,10 +142,15 @@ struct Loader {
     std::stringstream text;
     text << in.rdbuf();
     if (!in) return problem(path.string(), "", "cannot be read: is it readable for this user?");
+    toml_text(text.str(), path.string());
+  }
+
+  void toml_text(const std::string& text, const std::string& name) {
+    if (text.size() > kMaxFileBytes) return problem(name, "", fmt::format("is {} bytes long; a configuration has at most {}", text.size(), kMaxFileBytes));
     try {
-      table("", path.string(), toml::parse(text.str(), path.string()));
+      table("", name, toml::parse(text, name));
     } catch (const toml::parse_error& e) {
-      problem(fmt::format("{}:{}", path.string(), e.source().begin.line), "", fmt::format("not TOML: {}", e.description()));
+      problem(fmt::format("{}:{}", name, e.source().begin.line), "", fmt::format("not TOML: {}", e.description()));
     }
   }
 
@@ -166,22 +191,49 @@ Loader collect(const ConfigSources& sources) {
     loader.config.dds.self_issued = std::string(state) + "/security";
   }
 
-  const bool named = !sources.file.empty();
-  const std::filesystem::path file = named ? sources.file : std::filesystem::path("/etc/boothd/boothd.toml");
-  std::error_code error;
-  if (named || std::filesystem::exists(file, error)) loader.file(file);
-
-  std::vector<std::filesystem::path> drop_ins;
-  for (std::filesystem::directory_iterator it(file.string() + ".d", error), end; !error && it != end; it.increment(error)) {
-    if (it->path().extension() == ".toml") drop_ins.push_back(it->path());
+  if (sources.files != ConfigSources::Files::none) {
+    const std::filesystem::path file = config_file(sources);
+    std::error_code error;
+    if (!sources.file.empty() || std::filesystem::exists(file, error)) loader.file(file);
+    if (sources.files == ConfigSources::Files::all)
+      for (const auto& path : config_drop_ins(file)) loader.file(path);
   }
-  std::sort(drop_ins.begin(), drop_ins.end());
-  for (const auto& path : drop_ins) loader.file(path);
+  if (!sources.text_name.empty()) {
+    loader.pass_over = sources.known_only;
+    loader.toml_text(sources.text, sources.text_name);
+    loader.pass_over = false;
+  }
   for (const auto& text : sources.assignments) loader.assignment(text);
   return loader;
 }
 
+void check_together(Loader& loader) {
+  const Config& c = loader.config;
+  if (!loader.problems.empty()) return;
+  if (c.cameras.driver == "recording" && c.cameras.recording.path.empty())
+    loader.problem("configuration", "cameras.recording.path", "must name a recording when cameras.driver is \"recording\"");
+  if (c.cameras.driver == "synthetic" && c.cameras.minimum > c.cameras.synthetic.count)
+    loader.problem("configuration", "cameras.minimum",
+                   fmt::format("is {}, but the simulated booth has only {} cameras (cameras.synthetic.count)", c.cameras.minimum, c.cameras.synthetic.count));
+  if (loader.problems.empty() && c.dds.security == "on" && c.dds.domain > 230)
+    loader.problem("configuration", "dds.domain", fmt::format("is {}; DDS Security (dds.security) knows domains from 0 to 230", c.dds.domain));
+}
+
 }  // namespace
+
+std::filesystem::path config_file(const ConfigSources& sources) {
+  return sources.file.empty() ? std::filesystem::path("/etc/boothd/boothd.toml") : sources.file;
+}
+
+std::vector<std::filesystem::path> config_drop_ins(const std::filesystem::path& file) {
+  std::vector<std::filesystem::path> out;
+  std::error_code error;
+  for (std::filesystem::directory_iterator it(file.string() + ".d", error), end; !error && it != end; it.increment(error)) {
+    if (it->path().extension() == ".toml") out.push_back(it->path());
+  }
+  std::sort(out.begin(), out.end());
+  return out;
+}
 
 Config load_what_is_right(const ConfigSources& sources) {
   try {
@@ -191,25 +243,20 @@ Config load_what_is_right(const ConfigSources& sources) {
   }
 }
 
-Config load_config(const ConfigSources& sources) {
+LoadedConfig load_settings(const ConfigSources& sources, std::vector<std::string>* problems) {
   Loader loader = collect(sources);
-  const Config& c = loader.config;
-  if (loader.problems.empty()) {
-    if (c.cameras.driver == "recording" && c.cameras.recording.path.empty())
-      loader.problem("configuration", "cameras.recording.path", "must name a recording when cameras.driver is \"recording\"");
-    if (c.cameras.driver == "synthetic" && c.cameras.minimum > c.cameras.synthetic.count)
-      loader.problem("configuration", "cameras.minimum",
-                     fmt::format("is {}, but the simulated booth has only {} cameras (cameras.synthetic.count)", c.cameras.minimum, c.cameras.synthetic.count));
-  }
-  if (loader.problems.empty() && c.dds.security == "on" && c.dds.domain > 230)
-    loader.problem("configuration", "dds.domain", fmt::format("is {}; DDS Security (dds.security) knows domains from 0 to 230", c.dds.domain));
-  if (!loader.problems.empty()) {
+  check_together(loader);
+  if (problems != nullptr) {
+    *problems = std::move(loader.problems);
+  } else if (!loader.problems.empty()) {
     ConfigError failure(loader.problems);
     failure.only_device_absent = loader.absent == loader.problems.size();
     throw failure;
   }
-  return loader.config;
+  return {loader.config, {loader.named.begin(), loader.named.end()}, loader.passed_over, loader.is_export};
 }
+
+Config load_config(const ConfigSources& sources) { return load_settings(sources).config; }
 
 void print_config(const Config& config, std::ostream& out) {
   std::string section;

@@ -1,6 +1,7 @@
 // From files, drop-ins and --set to a Config, with every mistake named by file and line.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <iosfwd>
 #include <stdexcept>
@@ -27,11 +28,33 @@ struct ConfigSources {
   /// Empty: /etc/boothd/boothd.toml where it exists, else the defaults. A file named here must exist.
   std::filesystem::path file;
   std::vector<std::string> assignments;  ///< key=value; the value as in TOML, quotes around text may be left out
+  enum class Files : std::uint8_t { all, without_drop_ins, none } files = Files::all;
+  std::string text{}, text_name{};  ///< TOML in memory that comes after the drop-ins, and what its errors call it
+  bool known_only = false;          ///< keys of `text` that this version does not know are passed over
 };
 
-/// Later sources win: defaults, systemd's directories, the file, FILE.d/*.toml in alphabetical order, assignments.
-/// Throws ConfigError with all problems of all sources.
+/// A configuration, and which of its keys somebody has written down.
+struct LoadedConfig {
+  Config config;
+  std::vector<std::string> named;        ///< keys that some source names, each once, in alphabetical order
+  std::vector<std::string> passed_over;  ///< keys of ConfigSources::text that are not known, where that is allowed
+  bool is_export = false;                ///< some source has an [export] table (docs/guide/operate.md)
+};
+
+/// The format of [export] tables that this version writes; it reads this one and those before it.
+inline constexpr int kExportFormat = 1;
+
+/// Later sources win: defaults, systemd's directories, the file, FILE.d/*.toml in alphabetical order, `text`, assignments.
+/// Throws ConfigError with all problems of all sources, unless `problems` is given: then they are put there, and what is right is returned.
+LoadedConfig load_settings(const ConfigSources& sources, std::vector<std::string>* problems = nullptr);
+
+/// The configuration alone. Throws ConfigError.
 Config load_config(const ConfigSources& sources);
+
+/// /etc/boothd/boothd.toml, or the file that the sources name.
+std::filesystem::path config_file(const ConfigSources& sources);
+/// FILE.d/*.toml in the order in which they are read.
+std::vector<std::filesystem::path> config_drop_ins(const std::filesystem::path& file);
 
 /// What is right of it, without a word about the rest: for what must be shown of a boothd that cannot start. Never throws.
 Config load_what_is_right(const ConfigSources& sources);

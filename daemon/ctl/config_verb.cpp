@@ -1,16 +1,153 @@
-// boothctl config reference: the page of all keys, made from the table that parses them.
+// boothctl config: the page of all keys, and a whole configuration out, in, and back to the defaults.
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <iostream>
+#include <iterator>
+#include <memory>
 
-#include "daemon/config/load.hpp"
+#include "daemon/config/change.hpp"
+#include "daemon/ctl/control_client.hpp"
+#include "daemon/ctl/forget_keys.hpp"
 #include "daemon/ctl/verbs.hpp"
+#include "daemon/io/atomic_file.hpp"
+#include "daemon/io/file_bytes.hpp"
+#include "daemon/security/utc_time.hpp"
 
 namespace booth::daemon {
+namespace {
+
+constexpr std::uint64_t kMostBytes = 1 << 20;
+constexpr int kWrongConfiguration = 78;
+
+struct Options {
+  std::string config, socket, file, out, confirm;
+  std::vector<std::string> assignments;
+  ImportOptions import;
+  bool all = false, dry_run = false;
+};
+
+/// Runs what may find mistakes in a configuration; all of them are told.
+template <class F>
+auto checked(F action) {
+  try {
+    return action();
+  } catch (const ConfigError& e) {
+    throw VerbFailure(std::string(e.what()) + "\nnothing was changed", kWrongConfiguration);
+  }
+}
+
+std::string stamp_of(const std::string& utc) {
+  std::string out = utc;
+  std::erase_if(out, [](char c) { return c == '-' || c == ':'; });
+  return out;
+}
+
+bool boothd_runs(const std::string& socket) {
+  try {
+    ControlClient client{std::filesystem::path(socket)};
+    return !client.ask(R"({"request":"status"})").empty();
+  } catch (const std::exception&) {
+    return false;
+  }
+}
+
+void export_config(const Options& options) {
+  const LoadedConfig settings = checked([&] { return load_settings({.file = options.config, .assignments = options.assignments}); });
+  const std::string text = export_text(settings, BOOTHD_VERSION, utc_text(utc_seconds()));
+  if (options.out.empty() || options.out == "-")
+    std::cout << text;
+  else
+    write_file_atomically(std::filesystem::path(options.out), text);
+}
+
+/// Says what changes, does it unless it is only asked about, and says what is left to do.
+void carry_out(const ConfigPlan& plan, const Options& options) {
+  for (const auto& note : plan.notes) std::cout << "note: " << note << "\n";
+  const auto changes = changes_of(plan);
+  for (const auto& line : changes) std::cout << line << "\n";
+  for (const auto& missing : missing_files(plan.after.config)) std::cout << "warning: " << missing << " does not exist on this machine\n";
+  if (changes.empty() && !plan.replaces_file) {
+    std::cout << "the configuration has these values already; nothing was written\n";
+    return;
+  }
+  if (options.dry_run) {
+    std::cout << fmt::format("{} value{} would change; nothing was written\n", changes.size(), changes.size() == 1 ? "" : "s");
+    return;
+  }
+  const std::string utc = utc_text(utc_seconds()), stamp = stamp_of(utc);
+  for (const auto& step : steps_of(plan, stamp, BOOTHD_VERSION, utc)) step();
+  std::cout << fmt::format("{} value{} changed; before: {}.before-{} (`boothctl config import` takes it back)\n", changes.size(), changes.size() == 1 ? "" : "s",
+                           plan.file.string(), stamp);
+  const bool runs = boothd_runs(options.socket.empty() ? plan.before.config.control.socket : options.socket);
+  std::cout << (runs ? "boothd runs with the old values: `systemctl restart boothd` takes the new ones; a session that runs is saved first\n"
+                     : "boothd does not run; it takes them when it starts\n");
+}
+
+void import_config(const Options& options) {
+  const bool from_input = options.file == "-";
+  std::string text;
+  if (from_input) {
+    for (std::istreambuf_iterator<char> it(std::cin), end; it != end && text.size() <= kMostBytes; ++it) text += *it;
+  } else {
+    text = read_file_bytes(options.file, kMostBytes);
+  }
+  carry_out(checked([&] { return import_plan({.file = options.config, .assignments = {}}, text, from_input ? "standard input" : options.file, options.import); }),
+            options);
+}
+
+void reset_config(const Options& options) {
+  const ConfigPlan plan = checked([&] { return reset_plan({.file = options.config, .assignments = {}}, options.all); });
+  const Config& before = plan.before.config;
+  if (options.all && !options.dry_run && options.confirm != before.booth.id)
+    throw VerbFailure(fmt::format("--all deletes the calibration and the credentials of this booth, which nothing brings back; `--confirm {}` means it", before.booth.id),
+                      64);
+  carry_out(plan, options);
+  if (!options.all) return;
+  for (const auto& path : key_files(before, plan.file)) {
+    if (!options.dry_run) forget(path);
+    std::cout << (options.dry_run ? "would be deleted: " : "deleted: ") << path.string() << "\n";
+  }
+  if (!options.dry_run)
+    if (const std::string left = forget_empty_fleet(before); !left.empty()) std::cout << "warning: " << left << "\n";
+  std::cout << "sessions and recordings are left as they are\n";
+}
+
+void add_places(CLI::App& verb, Options& options, bool asks_boothd) {
+  verb.add_option("--config", options.config, "Configuration file; without it /etc/boothd/boothd.toml where it exists");
+  if (!asks_boothd) return;
+  verb.add_option("--socket", options.socket, "Control socket of boothd, to see whether it runs; without it the configuration's");
+  verb.add_flag("--dry-run", options.dry_run, "Say what would change, and change nothing");
+}
+
+}  // namespace
 
 void add_config_verb(CLI::App& app) {
-  CLI::App* verb = app.add_subcommand("config", "About the configuration");
+  auto options = std::make_shared<Options>();
+  CLI::App* verb = app.add_subcommand("config", "The configuration: its keys, and the whole of it out, in, and back to the defaults");
   verb->require_subcommand(1);
   verb->add_subcommand("reference", "All keys with type, default and meaning, as Markdown")->callback([] { print_config_reference(std::cout); });
+
+  CLI::App* out = verb->add_subcommand("export", "What was set, as one TOML file without secrets");
+  out->add_option("--out", options->out, "The file to write; without it standard output");
+  out->add_option("--set", options->assignments, "key=value, over the file's; may be given several times")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  add_places(*out, *options, false);
+  out->callback([options] { export_config(*options); });
+
+  CLI::App* in = verb->add_subcommand("import", "Take an exported file: checked whole, then taken in one step; what was before is kept. Status 78 when it is wrong");
+  in->add_option("file", options->file, "The file; - for standard input")->required();
+  in->add_flag("--keep-box", options->import.keep_box, "booth.id, sensors and calibration stay those of this box");
+  in->add_flag("--known-only", options->import.known_only, "Leave out keys that this version does not know, instead of refusing the file");
+  add_places(*in, *options, true);
+  in->callback([options] { import_config(*options); });
+
+  CLI::App* reset = verb->add_subcommand("reset", "Back to the defaults; name, sensors, calibration, keys and security are kept");
+  reset->add_flag("--all", options->all, "Those too, and delete the files of calibration and credentials; security stays switched on. Needs --confirm");
+  reset->add_option("--confirm", options->confirm, "The booth.id of this booth, for --all");
+  add_places(*reset, *options, true);
+  reset->callback([options] { reset_config(*options); });
 }
 
 }  // namespace booth::daemon

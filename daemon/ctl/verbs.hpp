@@ -31,6 +31,6 @@ void add_record_verbs(CLI::App& app);      ///< record, snapshot
 void add_command_verb(CLI::App& app);      ///< command
 void add_security_verb(CLI::App& app);     ///< security init, issue, revoke, show
 void add_calibrate_verb(CLI::App& app);    ///< calibrate
-void add_config_verb(CLI::App& app);       ///< config reference
+void add_config_verb(CLI::App& app);       ///< config reference, export, import, reset
 
 }  // namespace booth::daemon

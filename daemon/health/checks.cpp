@@ -88,7 +88,7 @@ Checks run_checks(const DoctorInputs& in) {
     out.push_back({"configuration", "loads", CheckResult::ok, "no mistakes"});
   else
     out.push_back({"configuration", "loads", CheckResult::error, in.config_problem, "boothd will not start like this; the checks below look at the defaults"});
-  for (const auto group : {check_usb, check_cameras, check_clock, check_disk, check_dds, check_ros2, check_gpio})
+  for (const auto group : {check_usb, check_cameras, check_clock, check_disk, check_dds, check_security, check_ros2, check_gpio})
     for (auto& check : group(in)) out.push_back(std::move(check));
   return out;
 }

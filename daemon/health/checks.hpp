@@ -41,6 +41,7 @@ Checks check_cameras(const DoctorInputs& in);
 Checks check_clock(const DoctorInputs& in);
 Checks check_disk(const DoctorInputs& in);
 Checks check_dds(const DoctorInputs& in);
+Checks check_security(const DoctorInputs& in);
 Checks check_ros2(const DoctorInputs& in);
 Checks check_gpio(const DoctorInputs& in);
 

@@ -20,7 +20,7 @@ static_assert(std::endian::native == std::endian::little, "arrays are copied as 
 constexpr std::uint32_t kLocalMark = 0x04034b50, kCentralMark = 0x02014b50, kEndMark = 0x06054b50;
 constexpr std::size_t kLocalSize = 30, kCentralSize = 46, kEndSize = 22;
 constexpr std::uint64_t kMostBytes = 512ull << 20;
-constexpr std::size_t kMostMembers = 256;
+constexpr std::size_t kMostMembers = 256, kMostTexts = 1'000'000;
 
 struct TypeName {
   NpzType type;
@@ -164,6 +164,8 @@ NpzArray parse_npy(std::string_view npy) {
   if (wide || narrow) std::from_chars(descr.data() + 2, descr.data() + descr.size(), width);
   if ((!wide && !narrow) || width > 65536) throw Malformed("has type " + std::string(descr) + "; allowed are f2, f4, f8, i4, i8, u1 (little-endian) and text");
   const std::size_t step = width * (wide ? 4 : 1);
+  // In memory a text takes more room than in the file, where it may take none.
+  if (count > kMostTexts) throw Malformed("states " + std::to_string(count) + " texts; at most " + std::to_string(kMostTexts) + " are read");
   if (data.size() != count * step) throw Malformed("holds a different number of bytes than its shape needs");
   array.type = NpzType::text;
   for (std::uint64_t i = 0; i < count; ++i) {

@@ -25,6 +25,12 @@ std::unique_ptr<hal::DepthSink> write_rosbag2(const std::filesystem::path& path,
 /// Throws std::runtime_error beginning with `place`.
 void check_description(hal::CameraDescription& camera, const std::string& place);
 
+/// Pictures of the empty room that are read of one camera: packed ones are small on the disk and large in memory.
+inline constexpr std::size_t kMostBackgroundBytes = std::size_t{256} << 20;
+inline std::size_t most_background(const hal::Intrinsics& k) {
+  return kMostBackgroundBytes / (sizeof(std::uint16_t) * static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height));
+}
+
 /// The camera that a frame to be written is of. Throws std::runtime_error when there is none or the picture has another size.
 const hal::CameraDescription& camera_of(const hal::DepthFrame& frame, const std::vector<hal::CameraDescription>& cameras);
 

@@ -334,7 +334,7 @@ std::vector<RecordedCameraData> read_rosbag2(const fs::path& path, LiveGroups* l
       for (const auto& m : empty_room->messages) {
         auto& picture = data.background.emplace_back(static_cast<std::size_t>(d.intrinsics.width) * static_cast<std::size_t>(d.intrinsics.height));
         if (!bag.with(m, [&](auto bytes) { return ros::read_image(bytes, d.intrinsics.width, d.intrinsics.height, picture); })) data.background.pop_back();
-        if (data.background.size() >= kMaxBackground) break;
+        if (data.background.size() >= std::min(kMaxBackground, most_background(d.intrinsics))) break;
       }
 
     auto messages = topic.messages;

@@ -1,0 +1,102 @@
+// boothctl config as a person types it: statuses, sentences, and what is on the disk afterwards.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "daemon/config/load.hpp"
+#include "daemon/ctl/control_server.hpp"
+#include "daemon/security/fleet_folder.hpp"
+#include "daemon/security/utc_time.hpp"
+#include "tests/daemon/support/program.hpp"
+
+namespace booth::daemon {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+struct ConfigProgram : ::testing::Test {
+  ConfigProgram() {
+    file = folder.write("etc/boothd.toml", "[dds]\nsecurity = \"on\"\nself_issued = \"" + own().string() + "\"\n[control]\nsocket = \"" + socket + "\"\n");
+    folder.write("etc/boothd.toml.d/10-box.toml",
+                 "[booth]\nid = \"lobby\"\n[cameras.kinect2]\ncalibration = \"" + calibration().string() + "\"\n[stage]\nradius = 1.5\n");
+  }
+  std::filesystem::path own() const { return folder.path / "security"; }
+  std::filesystem::path calibration() const { return folder.path / "calibration.toml"; }
+  int config(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "config");
+    arguments.insert(arguments.end(), {"--config", file.string()});
+    tests::Program program("boothctl", arguments, folder.path / "output");
+    const int status = program.wait();
+    output = program.output();
+    return status;
+  }
+  Config now() const { return load_config({.file = file, .assignments = {}}); }
+
+  tests::TemporaryFolder folder;
+  const std::string socket = (folder.path / "c.sock").string();
+  std::filesystem::path file;
+  std::string output;
+};
+
+TEST_F(ConfigProgram, OutChangedAndIn) {
+  const std::string out = (folder.path / "out.toml").string();
+  ASSERT_EQ(config({"export", "--out", out, "--set", "stage.radius=2.5"}), 0) << output;
+  EXPECT_EQ(config({"import", out, "--dry-run"}), 0) << output;
+  EXPECT_THAT(output, AllOf(HasSubstr("stage.radius: 1.5 -> 2.5"), HasSubstr("nothing was written")));
+  EXPECT_EQ(now().stage.radius, 1.5);
+  EXPECT_EQ(config({"import", out}), 0) << output;
+  EXPECT_THAT(output, AllOf(HasSubstr("stage.radius: 1.5 -> 2.5"), HasSubstr("boothd does not run"), HasSubstr(".before-")));
+  EXPECT_EQ(now().stage.radius, 2.5);
+  EXPECT_EQ(config({"import", out}), 0) << output;
+  EXPECT_THAT(output, HasSubstr("has these values already"));
+}
+
+TEST_F(ConfigProgram, SaysThatARunningBoothdHasToBeStartedAnew) {
+  const ControlServer boothd(socket, [](const std::string&) { return std::string(R"({"ok":true})"); });
+  EXPECT_EQ(config({"reset"}), 0) << output;
+  EXPECT_THAT(output, AllOf(HasSubstr("stage.radius: 1.5 -> 2"), HasSubstr("systemctl restart boothd")));
+  EXPECT_EQ(now().booth.id, "lobby");
+}
+
+TEST_F(ConfigProgram, AWrongFileChangesNothing) {
+  const auto wrong = folder.write("wrong.toml", "[export]\nformat = 1\n[stage]\nradius = 99\nhight = 2\n");
+  EXPECT_EQ(config({"import", wrong.string()}), 78);
+  EXPECT_THAT(output, AllOf(HasSubstr("stage.radius"), HasSubstr("did you mean stage.height?"), HasSubstr("nothing was changed")));
+  EXPECT_EQ(config({"import", (folder.path / "nowhere.toml").string()}), 1);
+  EXPECT_THAT(output, HasSubstr("nowhere.toml"));
+  EXPECT_EQ(now().stage.radius, 1.5);
+}
+
+TEST_F(ConfigProgram, ResettingEverythingIsMeantAndDeletesKnownFilesOnly) {
+  make_fleet(own(), "local", 10, utc_seconds());
+  issue(own(), {.role = Role::booth, .name = "lobby", .booths = {}}, utc_seconds());
+  folder.write("security/issued/booth.lobby/notes.txt", "mine");
+  folder.write("calibration.toml", "x");
+  folder.write("calibration.before-1.toml", "x");
+  folder.write("other.toml", "x");
+  const auto there = [&](const char* name) { return std::filesystem::exists(folder.path / name); };
+  EXPECT_EQ(config({"reset", "--all"}), 64);
+  EXPECT_THAT(output, HasSubstr("--confirm lobby"));
+  EXPECT_EQ(config({"reset", "--all", "--confirm", "hall"}), 64);
+  EXPECT_EQ(config({"reset", "--all", "--dry-run"}), 0) << output;
+  EXPECT_TRUE(there("calibration.toml") && there("security/issued/booth.lobby/key.pem"));
+  EXPECT_EQ(config({"reset", "--all", "--confirm", "lobby"}), 0) << output;
+  EXPECT_FALSE(there("calibration.toml") || there("calibration.before-1.toml") || there("security/issued/booth.lobby/key.pem") || there("security/identity_ca.key.pem"));
+  EXPECT_TRUE(there("other.toml") && there("security/issued/booth.lobby/notes.txt"));
+  EXPECT_THAT(output, HasSubstr("holds other files"));
+  EXPECT_EQ(now().dds.security, "on");
+  EXPECT_EQ(now().booth.id, "booth");
+}
+
+TEST_F(ConfigProgram, ABoothThatForgotItsKeysCanMakeNewOnes) {
+  make_fleet(own(), "local", 10, utc_seconds());
+  issue(own(), {.role = Role::booth, .name = "lobby", .booths = {}}, utc_seconds());
+  EXPECT_EQ(config({"reset", "--all", "--confirm", "lobby"}), 0) << output;
+  EXPECT_THAT(output, Not(HasSubstr("holds other files")));
+  make_fleet(own(), "local", 10, utc_seconds());
+  EXPECT_TRUE(std::filesystem::exists(own() / "identity_ca.key.pem"));
+}
+
+}  // namespace
+}  // namespace booth::daemon
