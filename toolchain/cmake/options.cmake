@@ -2,7 +2,8 @@
 
 add_library(booth_options INTERFACE)
 target_include_directories(booth_options INTERFACE ${PROJECT_SOURCE_DIR})
-target_compile_options(booth_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wno-psabi
+target_compile_options(booth_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow $<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor> $<$<COMPILE_LANGUAGE:CXX>:-Woverloaded-virtual>
+  -Wno-psabi
   # The same bits in debug and release and on every x86-64: no fused multiply-add that the source does not ask for.
   -ffp-contract=off)
 # One alignment in every translation unit and in every library that was built against Eigen, whatever -m flags a file gets.
