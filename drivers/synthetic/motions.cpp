@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <initializer_list>
 #include <numbers>
 #include <stdexcept>
 
+#include "drivers/synthetic/pose_words.hpp"
 #include "fit/body/exact_math.hpp"
 
 namespace booth::drivers {
@@ -31,29 +31,11 @@ double ease(double u) {
   return u * u * u * (10 + u * (-15 + 6 * u));
 }
 
-struct Angle {
-  const char* dof;
-  double degrees;
-};
-
-PoseVector with(PoseVector q, std::initializer_list<Angle> angles) {
-  for (const Angle& a : angles) q[fit::dof_index(a.dof)] = a.degrees * kDegree;
-  return q;
-}
-
-struct ArmAngles {
-  double rx, ry, rz, elbow;  // degrees, of a left arm
-};
+// Of a left arm.
 constexpr ArmAngles kHanging{-37, -15, 87, 25}, kForward{40, 0, 88, 28}, kRaised{57, 52, -10, 16}, kWaveOut{33, 51, 13, 20}, kWaveIn{27, 42, 5, 98},
     kBehind{-77, -24, 112, 22}, kUpAndForward{92, 21, 60, 28}, kSwungForward{-11, -32, 88, 17}, kSwungBack{-55, -14, 89, 38}, kAside{0, -20, 45, 10};
 
-PoseVector with_left_arm(PoseVector q, const ArmAngles& a) {
-  return with(q, {{"lhumerus_rx", a.rx}, {"lhumerus_ry", a.ry}, {"lhumerus_rz", a.rz}, {"lradius_rx", a.elbow}});
-}
-PoseVector with_right_arm(PoseVector q, const ArmAngles& a) {
-  return with(q, {{"rhumerus_rx", a.rx}, {"rhumerus_ry", -a.ry}, {"rhumerus_rz", -a.rz}, {"rradius_rx", a.elbow}});
-}
-PoseVector with_arms(PoseVector q, const ArmAngles& a) { return with_right_arm(with_left_arm(std::move(q), a), a); }
+PoseVector with_arms(const PoseVector& q, const ArmAngles& a) { return with_right_arm(with_left_arm(q, a), a); }
 ArmAngles mix(const ArmAngles& a, const ArmAngles& b, double t) {
   return {a.rx + t * (b.rx - a.rx), a.ry + t * (b.ry - a.ry), a.rz + t * (b.rz - a.rz), a.elbow + t * (b.elbow - a.elbow)};
 }

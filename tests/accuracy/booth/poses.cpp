@@ -3,11 +3,11 @@
 
 #include <array>
 #include <cmath>
-#include <initializer_list>
 #include <numbers>
 
 #include "daemon/io/mocap_folder.hpp"
 #include "drivers/synthetic/motions.hpp"
+#include "drivers/synthetic/pose_words.hpp"
 #include "drivers/synthetic/scene.hpp"
 
 namespace booth::accuracy {
@@ -16,26 +16,11 @@ namespace {
 using fit::PoseVector;
 constexpr double kDegree = std::numbers::pi / 180;
 
-struct Angle {
-  const char* dof;
-  double degrees;
-};
-PoseVector with(PoseVector q, std::initializer_list<Angle> angles) {
-  for (const Angle& a : angles) q[fit::dof_index(a.dof)] = a.degrees * kDegree;
-  return q;
-}
-
-struct Arm {
-  double rx, ry, rz, elbow;
-};
+using drivers::with;
+using drivers::with_left_arm;
+using drivers::with_right_arm;
+using Arm = drivers::ArmAngles;
 constexpr Arm kHanging{-37, -15, 85, 25};
-
-PoseVector with_left_arm(const PoseVector& q, const Arm& a) {
-  return with(q, {{"lhumerus_rx", a.rx}, {"lhumerus_ry", a.ry}, {"lhumerus_rz", a.rz}, {"lradius_rx", a.elbow}});
-}
-PoseVector with_right_arm(const PoseVector& q, const Arm& a) {
-  return with(q, {{"rhumerus_rx", a.rx}, {"rhumerus_ry", -a.ry}, {"rhumerus_rz", -a.rz}, {"rradius_rx", a.elbow}});
-}
 
 PoseVector stand() {
   const PoseVector q =
