@@ -1,5 +1,5 @@
-// The new configuration is a drop-in. While it is put in place it has a name that is read last and decides every key alone; then nothing else counts any more and
-// can be cleared away at leisure.
+// The new configuration is a drop-in. While it is put in place it has a name that is read last and decides every key alone; then nothing else counts any more
+// and can be cleared away at leisure.
 #include "daemon/config/change.hpp"
 
 #include <fmt/format.h>
@@ -25,8 +25,8 @@ constexpr std::string_view kOfTheBox[] = {"booth.id", "cameras.kinect2.serials",
 /// What a text that does not name them leaves alone: silence never makes a booth less safe.
 constexpr std::string_view kProtective[] = {kSecurity, "privacy.seal_to"};
 constexpr std::string_view kKeptByReset[] = {
-    "booth.id",        "cameras.kinect2.serials", "cameras.kinect2.calibration", "cameras.kinect2.cache", kSecurity,
-    "dds.credentials", "dds.self_issued",         "privacy.seal_to"};
+    "booth.id",        "cameras.kinect2.serials", "cameras.kinect2.calibration", "cameras.kinect2.cache", kSecurity, "dds.credentials",
+    "dds.self_issued", "privacy.seal_to"};
 
 template <class List>
 bool lists(const List& list, std::string_view name) {
@@ -89,8 +89,7 @@ void write_texts(ConfigPlan& plan, const ConfigSources& beneath, const std::vect
   for (const ConfigKey& key : config_keys())
     if (format_config_value(key, plan.after.config) != format_config_value(key, base)) names.emplace(key.name);
   plan.after.named.assign(names.begin(), names.end());
-  const std::string head =
-      "# Written by `boothctl config`. Change it, or put keys into other files here: those that come later in the alphabet win.\n";
+  const std::string head = "# Written by `boothctl config`. Change it, or put keys into other files here: those that come later in the alphabet win.\n";
   plan.imported = names.empty() ? "" : head + tables_text(names, plan.after.config);
   const LoadedConfig file = load_settings(beneath);
   names.insert(file.named.begin(), file.named.end());
@@ -135,16 +134,16 @@ std::string export_text(const LoadedConfig& settings, const std::string& softwar
 ConfigPlan import_plan(const ConfigSources& now, const std::string& text, const std::string& name, const ImportOptions& options) {
   ConfigSources beneath;
   ConfigPlan plan = look_at(now, beneath);
-  const LoadedConfig wanted = load_settings(
-      {.file = {}, .assignments = {}, .files = ConfigSources::Files::none, .text = text, .text_name = name, .known_only = options.known_only});
+  const LoadedConfig wanted =
+      load_settings({.file = {}, .assignments = {}, .files = ConfigSources::Files::none, .text = text, .text_name = name, .known_only = options.known_only});
   if (!wanted.is_export)
-    throw ConfigError({fmt::format("{}: is no export of a boothd ([export] is missing); keys that you wrote yourself belong into {}.d", name, plan.file.string())});
+    throw ConfigError(
+        {fmt::format("{}: is no export of a boothd ([export] is missing); keys that you wrote yourself belong into {}.d", name, plan.file.string())});
   for (const auto& key : wanted.passed_over) plan.notes.push_back(fmt::format("{}: {} is not known to this version and is left out", name, key));
   plan.after.config = wanted.config;
   for (const ConfigKey& key : config_keys()) {
     const bool given = lists(wanted.named, key.name);
-    if ((options.keep_box && lists(kOfTheBox, key.name)) || (!given && lists(kProtective, key.name)))
-      copy_value(key, plan.before.config, plan.after.config);
+    if ((options.keep_box && lists(kOfTheBox, key.name)) || (!given && lists(kProtective, key.name))) copy_value(key, plan.before.config, plan.after.config);
   }
   write_texts(plan, beneath, wanted.named);
   return plan;

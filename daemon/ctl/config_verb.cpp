@@ -77,8 +77,8 @@ void carry_out(const ConfigPlan& plan, const Options& options) {
   }
   const std::string utc = utc_text(utc_seconds()), stamp = stamp_of(utc);
   for (const auto& step : steps_of(plan, stamp, BOOTHD_VERSION, utc)) step();
-  std::cout << fmt::format("{} value{} changed; before: {}.before-{} (`boothctl config import` takes it back)\n", changes.size(), changes.size() == 1 ? "" : "s",
-                           plan.file.string(), stamp);
+  std::cout << fmt::format("{} value{} changed; before: {}.before-{} (`boothctl config import` takes it back)\n", changes.size(),
+                           changes.size() == 1 ? "" : "s", plan.file.string(), stamp);
   const bool runs = boothd_runs(options.socket.empty() ? plan.before.config.control.socket : options.socket);
   std::cout << (runs ? "boothd runs with the old values: `systemctl restart boothd` takes the new ones; a session that runs is saved first\n"
                      : "boothd does not run; it takes them when it starts\n");
@@ -92,16 +92,18 @@ void import_config(const Options& options) {
   } else {
     text = read_file_bytes(options.file, kMostBytes);
   }
-  carry_out(checked([&] { return import_plan({.file = options.config, .assignments = {}}, text, from_input ? "standard input" : options.file, options.import); }),
-            options);
+  carry_out(
+      checked([&] { return import_plan({.file = options.config, .assignments = {}}, text, from_input ? "standard input" : options.file, options.import); }),
+      options);
 }
 
 void reset_config(const Options& options) {
   const ConfigPlan plan = checked([&] { return reset_plan({.file = options.config, .assignments = {}}, options.all); });
   const Config& before = plan.before.config;
   if (options.all && !options.dry_run && options.confirm != before.booth.id)
-    throw VerbFailure(fmt::format("--all deletes the calibration and the credentials of this booth, which nothing brings back; `--confirm {}` means it", before.booth.id),
-                      64);
+    throw VerbFailure(
+        fmt::format("--all deletes the calibration and the credentials of this booth, which nothing brings back; `--confirm {}` means it", before.booth.id),
+        64);
   carry_out(plan, options);
   if (!options.all) return;
   for (const auto& path : key_files(before, plan.file)) {
@@ -136,7 +138,8 @@ void add_config_verb(CLI::App& app) {
   add_places(*out, *options, false);
   out->callback([options] { export_config(*options); });
 
-  CLI::App* in = verb->add_subcommand("import", "Take an exported file: checked whole, then taken in one step; what was before is kept. Status 78 when it is wrong");
+  CLI::App* in =
+      verb->add_subcommand("import", "Take an exported file: checked whole, then taken in one step; what was before is kept. Status 78 when it is wrong");
   in->add_option("file", options->file, "The file; - for standard input")->required();
   in->add_flag("--keep-box", options->import.keep_box, "booth.id, sensors and calibration stay those of this box");
   in->add_flag("--known-only", options->import.known_only, "Leave out keys that this version does not know, instead of refusing the file");

@@ -59,8 +59,9 @@ Checks look_at(const Place& place, const DoctorInputs& in) {
     if (expiry.empty())
       out.push_back({kGroup, kName, CheckResult::ok, credentials_line(found)});
     else
-      out.push_back({kGroup, kName, CheckResult::warning, expiry,
-                     found.self_issued ? "systemctl restart boothd: it renews what it issued to itself" : "boothctl security issue ... --renew, where the fleet is"});
+      out.push_back(
+          {kGroup, kName, CheckResult::warning, expiry,
+           found.self_issued ? "systemctl restart boothd: it renews what it issued to itself" : "boothctl security issue ... --renew, where the fleet is"});
     for (const auto& warning : found.warnings)
       out.push_back({kGroup, "protection", CheckResult::warning, warning, "issue credentials anew with `boothctl security issue`"});
   } catch (const CredentialError& e) {
@@ -84,7 +85,8 @@ Checks check_security(const DoctorInputs& in) {
     return {{kGroup, kName, CheckResult::ok, fmt::format("none were given; boothd makes its own in {} when it starts", in.config.dds.self_issued)}};
   Checks out = look_at(place, in);
   if (place.source == Source::delivered && !is_asked_for(in.root))
-    out.push_back({kGroup, "delivery", CheckResult::error, fmt::format("{} holds credentials, and no drop-in of boothd.service asks for them", place.folder.string()),
+    out.push_back({kGroup, "delivery", CheckResult::error,
+                   fmt::format("{} holds credentials, and no drop-in of boothd.service asks for them", place.folder.string()),
                    "copy dds-security.conf from /usr/share/doc/boothd/examples/boothd.service.d to /etc/systemd/system/boothd.service.d"});
   return out;
 }

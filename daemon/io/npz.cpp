@@ -409,7 +409,8 @@ void NpzWriter::add_texts(const std::string& key, const std::vector<std::string>
 
 std::string NpzWriter::archive() const {
   std::string out, directory;
-  for (const auto& [name, contents] : members_) {
+  for (const auto& member : members_) {
+    const std::string &name = member.first, &contents = member.second;
     const std::string packed = deflated(contents);
     // Version 2.0, no flags, deflate, 1980-01-01 00:00; then checksum, sizes and the name's length.
     const auto common = [&](std::string& to) {

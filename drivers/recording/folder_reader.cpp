@@ -88,7 +88,8 @@ RecordedCameraData read_camera(const fs::path& path, const CameraTable& t) {
       } else {
         t.wrong("background", "must hold frame numbers (from 0, in the order of depth.txt) or file names inside the folder");
       }
-      if (data.background.size() >= most_background(k)) t.wrong("background", "holds more pictures than fit into " + std::to_string(kMostBackgroundBytes >> 20) + " MiB");
+      if (data.background.size() >= most_background(k))
+        t.wrong("background", "holds more pictures than fit into " + std::to_string(kMostBackgroundBytes >> 20) + " MiB");
       auto& picture = data.background.emplace_back(static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height));
       if (reader.read(name.c_str(), picture) != Load::ok)
         t.wrong("background", "names " + name + ", which is missing or not a 16-bit grey PNG of the camera's size");

@@ -19,7 +19,9 @@ struct Hardening : ::testing::TestWithParam<const char*> {
   void SetUp() override {
     if (!has_program("hardening-check")) GTEST_SKIP() << "skipped: hardening-check is not installed (apt-get install devscripts)";
   }
-  static CommandResult check(const fs::path& program, const std::string& options) { return run_in_source_tree("hardening-check " + options + " '" + program.string() + "'"); }
+  static CommandResult check(const fs::path& program, const std::string& options) {
+    return run_in_source_tree("hardening-check " + options + " '" + program.string() + "'");
+  }
 };
 
 /// Stack protector and fortified libc calls are flags of the packages: toolchain/package.
@@ -52,7 +54,8 @@ INSTANTIATE_TEST_SUITE_P(Programs, Hardening, ::testing::ValuesIn(kPrograms), []
   return name;
 });
 
-/// Why control-flow protection is not asked for. When this fails, Debian's start files have the mark: ask for it then (toolchain/package, docs/design/hardening.md).
+/// Why control-flow protection is not asked for. When this fails, Debian's start files have the mark: ask for it then (toolchain/package,
+/// docs/design/hardening.md).
 TEST(ControlFlow, CannotTakeEffectBecauseDebiansStartFilesAreNotMarked) {
   if (run_in_source_tree("uname -m").output != "x86_64\n") GTEST_SKIP() << "skipped: the mark is x86-64's";
   const auto marks = run_in_source_tree("readelf --wide --notes \"$(gcc -print-file-name=crt1.o)\"");

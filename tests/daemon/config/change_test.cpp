@@ -68,7 +68,8 @@ TEST(ConfigExport, HoldsWhatWasSetAndIsAConfigurationItself) {
 
 TEST(ConfigImport, GivesAnotherBoxTheSameConfiguration) {
   const Box from, to;
-  from.folder.write("boothd.toml.d/30-more.toml", "[log]\nlevel = \"debug\"\n[dds]\npeers = [\"a\", \"b\"]\nmulticast = false\n[gpio]\nchip = \"a \\\"b\\\\\"\n");
+  from.folder.write("boothd.toml.d/30-more.toml",
+                    "[log]\nlevel = \"debug\"\n[dds]\npeers = [\"a\", \"b\"]\nmulticast = false\n[gpio]\nchip = \"a \\\"b\\\\\"\n");
   to.folder.write("boothd.toml.d/40-other.toml", "[fit]\nseed = 9\n[booth]\nid = \"hall\"\n");
   to.carry_out(to.plan(from.exported()));
   EXPECT_EQ(all_values(to.config()), all_values(from.config()));
@@ -120,7 +121,8 @@ TEST(ConfigImport, KeepsTenBackups) {
 
 TEST(ConfigImport, TellsWhatChanges) {
   const Box box;
-  const ConfigPlan plan = box.plan(std::string(kHead) + "[booth]\nid = \"lobby\"\n[stage]\nradius = 2.5\n[fit]\nthreads = 4\n[cameras.kinect2]\nserials = [\"1\", \"2\"]\n");
+  const ConfigPlan plan =
+      box.plan(std::string(kHead) + "[booth]\nid = \"lobby\"\n[stage]\nradius = 2.5\n[fit]\nthreads = 4\n[cameras.kinect2]\nserials = [\"1\", \"2\"]\n");
   EXPECT_THAT(changes_of(plan), ElementsAre("stage.radius: 1.5 -> 2.5"));
 }
 
@@ -148,7 +150,8 @@ TEST(ConfigImport, MayLeaveOutWhatAnotherVersionKnows) {
   const ConfigPlan plan = box.plan(text, {.known_only = true});
   EXPECT_EQ(plan.after.config.fit.seed, 5);
   EXPECT_THAT(plan.notes, AllOf(Contains(HasSubstr("fit.future")), Contains(HasSubstr("moon"))));
-  EXPECT_THAT(complaint([&] { box.plan(text + "[stage]\nradius = 99\n", {.known_only = true}); }), HasSubstr("stage.radius")) << "a wrong value stays a mistake";
+  EXPECT_THAT(complaint([&] { box.plan(text + "[stage]\nradius = 99\n", {.known_only = true}); }), HasSubstr("stage.radius"))
+      << "a wrong value stays a mistake";
 }
 
 TEST(ConfigImport, KeepsTheBoxWhereAsked) {

@@ -82,7 +82,8 @@ TEST_F(ConfigProgram, ResettingEverythingIsMeantAndDeletesKnownFilesOnly) {
   EXPECT_EQ(config({"reset", "--all", "--dry-run"}), 0) << output;
   EXPECT_TRUE(there("calibration.toml") && there("security/issued/booth.lobby/key.pem"));
   EXPECT_EQ(config({"reset", "--all", "--confirm", "lobby"}), 0) << output;
-  EXPECT_FALSE(there("calibration.toml") || there("calibration.before-1.toml") || there("security/issued/booth.lobby/key.pem") || there("security/identity_ca.key.pem"));
+  EXPECT_FALSE(there("calibration.toml") || there("calibration.before-1.toml") || there("security/issued/booth.lobby/key.pem") ||
+               there("security/identity_ca.key.pem"));
   EXPECT_TRUE(there("other.toml") && there("security/issued/booth.lobby/notes.txt"));
   EXPECT_THAT(output, HasSubstr("holds other files"));
   EXPECT_EQ(now().dds.security, "on");

@@ -30,7 +30,8 @@ void read(const std::string& text) {
   }
   for (const auto& c : cameras) {
     require(c.intrinsics.width > 0 && c.intrinsics.height > 0, "a camera has a size");
-    for (const double v : {c.intrinsics.fx, c.intrinsics.fy, c.intrinsics.cx, c.intrinsics.cy, c.depth_scale}) require(std::isfinite(v), "intrinsics are finite");
+    for (const double v : {c.intrinsics.fx, c.intrinsics.fy, c.intrinsics.cx, c.intrinsics.cy, c.depth_scale})
+      require(std::isfinite(v), "intrinsics are finite");
     for (const double v : c.intrinsics.distortion) require(std::isfinite(v), "distortion is finite");
     for (const double v : c.camera_to_world.translation) require(std::isfinite(v), "places are finite");
     double square = 0;

@@ -30,8 +30,8 @@ void check_values(const Config& config) {
 }
 
 LoadedConfig read(const std::string& text, bool known_only, std::vector<std::string>& problems) {
-  return load_settings(
-      {.file = {}, .assignments = {}, .files = ConfigSources::Files::none, .text = text, .text_name = "x", .known_only = known_only}, &problems);
+  return load_settings({.file = {}, .assignments = {}, .files = ConfigSources::Files::none, .text = text, .text_name = "x", .known_only = known_only},
+                       &problems);
 }
 
 void import(const std::string& text, const LoadedConfig& meant) {

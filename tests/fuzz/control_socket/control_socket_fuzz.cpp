@@ -99,7 +99,8 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   require(answers.empty() || answers.back() == '\n', "answers are whole lines");
   std::size_t lines = 0;
   for (std::size_t at = 0, end; (end = answers.find('\n', at)) != std::string::npos; at = end + 1, ++lines) {
-    const auto answer = nlohmann::json::parse(answers.begin() + static_cast<std::ptrdiff_t>(at), answers.begin() + static_cast<std::ptrdiff_t>(end), nullptr, false);
+    const auto answer =
+        nlohmann::json::parse(answers.begin() + static_cast<std::ptrdiff_t>(at), answers.begin() + static_cast<std::ptrdiff_t>(end), nullptr, false);
     require(answer.is_object() && answer.contains("ok") && answer["ok"].is_boolean(), "an answer is a JSON object with ok");
   }
   const auto asked = static_cast<std::size_t>(std::count(bytes.begin(), bytes.end(), '\n'));

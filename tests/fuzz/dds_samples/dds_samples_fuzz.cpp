@@ -43,7 +43,12 @@ void command(Input& in) {
   for (; !in.empty() && asked < 200; ++asked) {
     const unsigned how = in.u8();
     now_ns += in.u16() * std::int64_t{1'000'000};
-    RemoteCommand c{.writer = in.u8() % 4u, .version = how & 1 ? 1u : in.u32(), .sender = how & 2 ? "desk" : text(in), .id = in.u8() % 8u, .utc_ns = 0, .kind = in.u8() % 6u};
+    RemoteCommand c{.writer = in.u8() % 4u,
+                    .version = how & 1 ? 1u : in.u32(),
+                    .sender = how & 2 ? "desk" : text(in),
+                    .id = in.u8() % 8u,
+                    .utc_ns = 0,
+                    .kind = in.u8() % 6u};
     // Most are of now; some of any time.
     c.utc_ns = how & 4 ? static_cast<std::int64_t>(std::uint64_t{in.u32()} << 32 | in.u32()) : kBegan + now_ns;
     (void)guard.handle(c, kBegan + now_ns, booth::hal::MonotonicTime(std::chrono::nanoseconds(now_ns)));

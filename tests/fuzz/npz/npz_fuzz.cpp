@@ -42,7 +42,7 @@ void read(std::string_view archive) {
 }
 
 void put(std::string& out, std::uint32_t value, int bytes) {
-  for (int i = 0; i < bytes; ++i) out += static_cast<char>(value >> (8 * i) & 0xff);
+  for (int i = 0; i < bytes; ++i) out += static_cast<char>(std::uint64_t{value} >> (8 * i) & 0xff);
 }
 
 /// Headers as zip has them; `edit` is added to one of their fields, so that most archives are whole and some are not.
@@ -57,12 +57,12 @@ std::string zip_of(booth::fuzz::Input& in) {
     const auto sum = static_cast<std::uint32_t>(::crc32(0, reinterpret_cast<const Bytef*>(contents.data()), static_cast<uInt>(contents.size())));
     const auto at = static_cast<std::uint32_t>(body.size()), length = static_cast<std::uint32_t>(contents.size());
     std::string common;
-    put(common, 20, 2);                    // version needed
-    put(common, 0, 2);                     // flags
-    put(common, edit == 1 ? 8 : 0, 2);     // method
-    put(common, 0, 4);                     // time
-    put(common, sum, 4);                   // checksum
-    put(common, length, 4);                // packed
+    put(common, 20, 2);                                                         // version needed
+    put(common, 0, 2);                                                          // flags
+    put(common, edit == 1 ? 8 : 0, 2);                                          // method
+    put(common, 0, 4);                                                          // time
+    put(common, sum, 4);                                                        // checksum
+    put(common, length, 4);                                                     // packed
     put(common, edit == 2 ? length + 1 : edit == 3 ? 0xFFFFFFFFu : length, 4);  // unpacked
     put(common, static_cast<std::uint32_t>(name.size()), 2);
     put(common, 0, 2);  // extra

@@ -13,7 +13,8 @@ using booth::fuzz::require;
 
 /// A status that has everything, with one part replaced by what the input says.
 StatusJson status_of(booth::fuzz::Input& in) {
-  static const StatusJson whole = StatusJson::parse(R"({"ok":true,"state":"idle","degraded":false,"paused":false,"emergency_latched":false,"panel":{"present":true},
+  static const StatusJson whole =
+      StatusJson::parse(R"({"ok":true,"state":"idle","degraded":false,"paused":false,"emergency_latched":false,"panel":{"present":true},
     "alarm":"","cameras":[{"name":"a","state":"running","fps":30,"delivered":5,"dropped":0,"corrupt":0,"restarts":0,"problem":""}],"cameras_minimum":1,"groups":1,
     "frames":1,"fps":30,"latency_ms":{"count":1,"p50":1,"p95":1,"p99":1,"max":1,"mean":1},"stage_ms":{"fit":{"p50":1}},"backend":{"name":"cpu"},"recorder":{}})");
   StatusJson out = whole;
@@ -34,7 +35,8 @@ void read(const StatusJson& status) {
     const std::string line = metrics.substr(at, end - at);
     require(line.starts_with("boothd_") || line.starts_with("# "), "every line is a metric or its explanation");
   }
-  for (const char c : status_for_report(status)) require(static_cast<unsigned char>(c) < 0x80 && (static_cast<unsigned char>(c) >= 0x20 || c == '\n'), "a report is text");
+  for (const char c : status_for_report(status))
+    require(static_cast<unsigned char>(c) < 0x80 && (static_cast<unsigned char>(c) >= 0x20 || c == '\n'), "a report is text");
 }
 
 }  // namespace
