@@ -48,11 +48,12 @@ TEST_P(Hardening, NoLibraryIsLookedForOutsideTheSystem) {
   EXPECT_THAT(result.output, Not(HasSubstr("RPATH")));
 }
 
-INSTANTIATE_TEST_SUITE_P(Programs, Hardening, ::testing::ValuesIn(kPrograms), [](const auto& info) {
-  std::string name = info.param;
+std::string test_name(const ::testing::TestParamInfo<const char*>& program) {
+  std::string name = program.param;
   std::erase(name, '-');
   return name;
-});
+}
+INSTANTIATE_TEST_SUITE_P(Programs, Hardening, ::testing::ValuesIn(kPrograms), test_name);
 
 /// Why control-flow protection is not asked for. When this fails, Debian's start files have the mark: ask for it then (toolchain/package,
 /// docs/design/hardening.md).
