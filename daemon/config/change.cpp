@@ -64,6 +64,9 @@ bool same(const Config& a, const Config& b) {
 ConfigPlan look_at(const ConfigSources& now, ConfigSources& beneath) {
   ConfigPlan plan;
   plan.file = config_file(now);
+  std::error_code error;
+  if (!now.file.empty() && !fs::exists(now.file, error))
+    throw ConfigError({fmt::format("{}: does not exist; name the configuration of a booth", now.file.string())});
   std::vector<std::string> problems, of_file;
   plan.before = load_settings({.file = now.file, .assignments = {}}, &problems);
   beneath = {.file = now.file, .assignments = {}, .files = ConfigSources::Files::without_drop_ins};

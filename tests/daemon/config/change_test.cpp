@@ -139,6 +139,7 @@ TEST(ConfigImport, RefusesTheWholeForEveryMistakeInIt) {
   EXPECT_THAT(complaint([&] { box.plan(std::string(kHead) + "[cameras]\ndriver = \"recording\"\n"); }), HasSubstr("cameras.recording.path"))
       << "values that do not go together";
   EXPECT_THAT(complaint([&] { box.plan(std::string(2 << 20, '#')); }), HasSubstr("at most"));
+  EXPECT_THAT(complaint([&] { import_plan({.file = box.folder.path / "nowhere.toml", .assignments = {}}, kHead, "x", {}); }), HasSubstr("does not exist"));
   EXPECT_EQ(all_values(box.config()), before);
   EXPECT_THAT(box.files(".before-now"), IsEmpty());
 }
