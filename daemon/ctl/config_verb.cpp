@@ -29,11 +29,11 @@ struct Options {
 
 /// Runs what may find mistakes in a configuration; all of them are told.
 template <class F>
-auto checked(F action) {
+auto checked(F action, const char* sequel = "\nnothing was changed") {
   try {
     return action();
   } catch (const ConfigError& e) {
-    throw VerbFailure(std::string(e.what()) + "\nnothing was changed", kWrongConfiguration);
+    throw VerbFailure(std::string(e.what()) + sequel, kWrongConfiguration);
   }
 }
 
@@ -53,7 +53,7 @@ bool boothd_runs(const std::string& socket) {
 }
 
 void export_config(const Options& options) {
-  const LoadedConfig settings = checked([&] { return load_settings({.file = options.config, .assignments = options.assignments}); });
+  const LoadedConfig settings = checked([&] { return load_settings({.file = options.config, .assignments = options.assignments}); }, "");
   const std::string text = export_text(settings, BOOTHD_VERSION, utc_text(utc_seconds()));
   if (options.out.empty() || options.out == "-")
     std::cout << text;
