@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "drivers/clock/system_clock.hpp"
+#include "drivers/pacing/punctual_camera.hpp"
 #include "drivers/recording/calibration_file.hpp"
 #include "drivers/recording/png16.hpp"
 #include "drivers/synthetic/board_source.hpp"
@@ -19,6 +20,13 @@
 namespace booth::daemon {
 
 std::vector<hal::CameraDescription> read_cameras(const std::filesystem::path& file) { return drivers::read_calibration(file); }
+
+std::vector<double> read_time_offsets(const std::filesystem::path& file) { return drivers::read_time_offsets(file); }
+
+hal::DepthCameras punctual_cameras(hal::DepthCameras cameras, const std::vector<double>& late) {
+  for (std::size_t c = 0; c < cameras.size(); ++c) cameras[c] = drivers::punctual(std::move(cameras[c]), hal::from_seconds(late.at(c)));
+  return cameras;
+}
 
 std::string camera_table(const hal::CameraDescription& camera, const std::string& folder) { return drivers::camera_table_text(camera, folder); }
 

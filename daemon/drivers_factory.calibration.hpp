@@ -17,6 +17,10 @@ namespace booth::daemon {
 
 /// The [[camera]] tables of a calibration.toml. Throws std::runtime_error naming file, line and key.
 std::vector<hal::CameraDescription> read_cameras(const std::filesystem::path& file);
+/// Seconds by which each camera's time stamps lie behind its exposures, as the file's `time_offset_ms` have it. Throws the same.
+std::vector<double> read_time_offsets(const std::filesystem::path& file);
+/// The same cameras with so many seconds taken off their time stamps; `late` has one for each.
+hal::DepthCameras punctual_cameras(hal::DepthCameras cameras, const std::vector<double>& late);
 /// One [[camera]] table; keys may be appended. `folder` empty: none is named.
 std::string camera_table(const hal::CameraDescription& camera, const std::string& folder = {});
 

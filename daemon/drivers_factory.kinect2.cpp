@@ -17,6 +17,7 @@
 #include "drivers/kinect2/kinect_camera.hpp"
 #include "drivers/kinect2/kinect_device.hpp"
 #include "drivers/kinect2/layout.hpp"
+#include "drivers/pacing/punctual_camera.hpp"
 #include "drivers/recording/calibration_file.hpp"
 #include "drivers/usb/libusb_bus.hpp"
 #include "drivers/usb/power_control.hpp"
@@ -33,6 +34,7 @@ namespace kinect2 = drivers::kinect2;
 struct Position {
   std::string name, serial;
   hal::RigidTransform camera_to_world;
+  double late = 0;  ///< seconds
 };
 
 std::string found_serials(drivers::usb::Bus& bus) {
@@ -56,10 +58,13 @@ std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus) {
   if (!kinect.serials.empty() && places.size() != kinect.serials.size())
     throw std::runtime_error(
         fmt::format("cameras.kinect2.serials names {} sensors, {} has {} positions", kinect.serials.size(), kinect.calibration, places.size()));
+  const auto late = calibrated ? drivers::read_time_offsets(kinect.calibration) : std::vector<double>(places.size());
   std::vector<Position> out;
   for (std::size_t i = 0; i < places.size(); ++i)
-    out.push_back(
-        {.name = places[i].name, .serial = kinect.serials.empty() ? places[i].serial : kinect.serials[i], .camera_to_world = places[i].camera_to_world});
+    out.push_back({.name = places[i].name,
+                   .serial = kinect.serials.empty() ? places[i].serial : kinect.serials[i],
+                   .camera_to_world = places[i].camera_to_world,
+                   .late = late[i]});
   for (std::size_t i = 0; i < out.size(); ++i)
     for (std::size_t j = 0; j < i; ++j)
       if (out[i].serial == out[j].serial) throw std::runtime_error("cameras.kinect2.serials names " + out[i].serial + " twice");
@@ -79,14 +84,16 @@ hal::DepthCameras make_cameras(const Config& config, const kinect2::KinectShared
   patience.stall = std::max<hal::Nanoseconds>(patience.stall, hal::from_seconds(9 / rate));  // an emulated sensor may be slow
   hal::DepthCameras cameras;
   for (const Position& position : positions)
-    cameras.push_back(kinect2::make_kinect_camera(shared, {.index = hal::CameraIndex(static_cast<std::uint8_t>(cameras.size())),
-                                                           .serial = position.serial,
-                                                           .name = position.name,
-                                                           .camera_to_world = position.camera_to_world,
-                                                           .transfers = static_cast<int>(kinect.transfers),
-                                                           .colour = kinect.colour,
-                                                           .nominal_rate = rate,
-                                                           .patience = patience}));
+    cameras.push_back(drivers::punctual(
+        kinect2::make_kinect_camera(shared, {.index = hal::CameraIndex(static_cast<std::uint8_t>(cameras.size())),
+                                             .serial = position.serial,
+                                             .name = position.name,
+                                             .camera_to_world = position.camera_to_world,
+                                             .transfers = static_cast<int>(kinect.transfers),
+                                             .colour = kinect.colour,
+                                             .nominal_rate = rate,
+                                             .patience = patience}),
+        hal::from_seconds(position.late)));
   return cameras;
 }
 

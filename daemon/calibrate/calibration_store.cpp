@@ -74,14 +74,42 @@ std::string calibration_text(const CalibrationRecord& r) {
         "reprojection_px = {}\ncorner_mm = {}\nplane_mm = {}\n",
         toml_float(found.depth.gain), toml_float(found.depth.offset), toml_float(found.position_sd_mm), toml_float(found.angle_sd_deg), found.pictures,
         toml_float(error.reprojection_px), toml_float(error.corner_mm), toml_float(error.plane_mm));
+    if (i < r.late.size() && r.late[i] != 0) out += fmt::format("time_offset_ms = {}  # its time stamps lie so far behind its exposures\n", toml_float(1e3 * r.late[i]));
   }
   return out;
 }
 
-void store_calibration(const fs::path& file, const CalibrationRecord& record) {
-  if (!record.result.accepted()) throw std::runtime_error("a calibration that was refused is not stored");
+namespace {
+
+/// Where a camera stands says nothing of its clock: what a person has taught of that stays.
+std::vector<double> offsets_before(const fs::path& file, const std::vector<hal::CameraDescription>& cameras) {
+  std::vector<double> out(cameras.size(), 0.0);
+  std::error_code error;
+  if (!fs::exists(file, error)) return out;
+  try {
+    const auto before = read_cameras(file);
+    const auto late = read_time_offsets(file);
+    for (std::size_t i = 0; i < cameras.size(); ++i)
+      for (std::size_t b = 0; b < before.size(); ++b)
+        if (before[b].name == cameras[i].name && before[b].serial == cameras[i].serial) out[i] = late[b];
+  } catch (const std::runtime_error&) {
+    // A file that cannot be read is kept beside the new one, and teaches nothing.
+  }
+  return out;
+}
+
+}  // namespace
+
+void store_calibration(const fs::path& file, const CalibrationRecord& given) {
+  if (!given.result.accepted()) throw std::runtime_error("a calibration that was refused is not stored");
+  CalibrationRecord record = given;
+  if (record.late.empty()) record.late = offsets_before(file, record.cameras);
+  replace_calibration(file, calibration_text(record));
+}
+
+void replace_calibration(const fs::path& file, const std::string& text) {
   keep_old(file);
-  write_file_atomically(file, calibration_text(record));
+  write_file_atomically(file, text);
 }
 
 StoredCalibration load_calibration(const fs::path& file) {

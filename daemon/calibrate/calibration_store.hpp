@@ -18,6 +18,7 @@ struct CalibrationRecord {
   std::string utc, by, software;                ///< when ("2026-11-28T09:00:00Z"), who, what made it
   double square = 0;                            ///< metres
   int views = 0;
+  std::vector<double> late{};  ///< seconds, of each camera (time_offset_ms); empty: store_calibration() takes over what the file before says of the same sensors
 };
 
 /// The file's text. Numbers are written so that reading them gives the same bits.
@@ -25,6 +26,9 @@ std::string calibration_text(const CalibrationRecord& record);
 
 /// Replaces `file` in one step; what stood there is kept beside it as NAME.before-<its time>.toml, the last ten of those. Throws std::runtime_error.
 void store_calibration(const std::filesystem::path& file, const CalibrationRecord& record);
+
+/// The same with a text that was made otherwise.
+void replace_calibration(const std::filesystem::path& file, const std::string& text);
 
 /// What a file says of the cameras and their depth; files without depth keys (written by hand) have none. Throws std::runtime_error naming file and key.
 struct StoredCalibration {

@@ -20,6 +20,7 @@
 #include "daemon/calibrate/view_collector.hpp"
 #include "daemon/calibrate/view_folder.hpp"
 #include "daemon/config/load.hpp"
+#include "daemon/ctl/from_person.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
 #include "daemon/drivers_factory.gpio.hpp"
@@ -44,6 +45,8 @@ struct Options {
   std::uint64_t seed = 1;
   bool verify = false, json = false, live_simulation = false;
   std::string keep;
+  std::string from_person;
+  bool dry_run = false;
 };
 
 const fit::calibrate::Paper& paper_of(const Options& o) {
@@ -344,13 +347,22 @@ void verify_from(Options o) {
   if (!o.json) std::cout << verdict.sentence << "\n";
 }
 
+void from_person(const Options& o) {
+  Config config = load_config({.file = o.config, .assignments = o.assignments});
+  const bool named = !o.out.empty() || !config.cameras.kinect2.calibration.empty();
+  const fs::path file = named ? file_of(o) : fs::path();
+  calibrate_from_person({.recording = o.from_person, .file = file, .config = std::move(config), .utc = now_utc(), .by = who(o), .dry_run = o.dry_run, .json = o.json});
+}
+
 void run(const Options& o) {
-  const int tasks = !o.print.empty() + !o.from.empty() + !o.simulate.empty();
-  if (tasks > 1) throw VerbFailure("--print, --from and --simulate exclude each other", 64);
+  const int tasks = !o.print.empty() + !o.from.empty() + !o.simulate.empty() + !o.from_person.empty();
+  if (tasks > 1) throw VerbFailure("--print, --from, --from-person and --simulate exclude each other", 64);
+  if (o.dry_run && o.from_person.empty()) throw VerbFailure("--dry-run belongs to --from-person", 64);
   if (o.verify && o.from.empty()) throw VerbFailure("--verify needs the views to look at: --from DIR", 64);
   if (tasks == 0) calibrate_live(o);
   if (!o.print.empty()) print_board(o);
   if (!o.simulate.empty()) simulate(o);
+  if (!o.from_person.empty()) from_person(o);
   if (!o.from.empty()) o.verify ? verify_from(o) : calibrate_from(o);
 }
 
@@ -364,6 +376,8 @@ void add_calibrate_verb(CLI::App& app) {
   verb->add_option("--paper", o->paper, "a4, a3, a2, a1 or a0: the board's size, to print and to calibrate with")->capture_default_str();
   verb->add_option("--square", o->square_mm, "What a square measures in millimetres, where the print came out differently");
   verb->add_option("--from", o->from, "Folder of captured views (docs/reference/files.md)");
+  verb->add_option("--from-person", o->from_person, "Recording of somebody who moves before the cameras: refine the calibration by it where that is better");
+  verb->add_flag("--dry-run", o->dry_run, "With --from-person: say what would be changed, and change nothing");
   verb->add_option("--out", o->out, "Calibration file to write or to verify; without it the configuration's cameras.kinect2.calibration");
   verb->add_flag("--verify", o->verify, "Only look whether the cameras still stand as the calibration says; one view is enough");
   verb->add_option("--by", o->by, "Who calibrates, for the record; without it the user's name");

@@ -46,6 +46,37 @@ Json panel_json(const PanelStatus& panel) {
           {"problems", panel.problems}};
 }
 
+const char* verdict_name(CameraDriftStatus::Verdict verdict) {
+  switch (verdict) {
+    case CameraDriftStatus::Verdict::unknown:
+      return "unknown";
+    case CameraDriftStatus::Verdict::stands:
+      return "stands";
+    case CameraDriftStatus::Verdict::moved:
+      return "moved";
+    case CameraDriftStatus::Verdict::blind:
+      return "blind";
+  }
+  return "?";
+}
+
+/// Figures only where there are any.
+Json drift_json(const CameraDriftStatus& d) {
+  const auto rounded = [](double value) { return std::round(value * 100) / 100; };
+  Json j{{"verdict", verdict_name(d.verdict)}};
+  if (d.deviation > 0) {
+    j["displacement_mm"] = rounded(1e3 * d.displacement);
+    j["deviation_mm"] = rounded(1e3 * d.deviation);
+    j["turn_deg"] = rounded(d.turn * 180 / 3.14159265358979);
+    j["shift_mm"] = rounded(1e3 * d.shift);
+  }
+  if (d.late_known) {
+    j["late_ms"] = rounded(1e3 * d.late);
+    j["late_deviation_ms"] = rounded(1e3 * d.late_deviation);
+  }
+  return j;
+}
+
 Json make_status(const DaemonStatus& s) {
   Json j;
   j["ok"] = true;
@@ -69,6 +100,7 @@ Json make_status(const DaemonStatus& s) {
                             {"corrupt", c.counters.corrupt},
                             {"restarts", c.restarts},
                             {"problem", c.problem}});
+    if (const std::size_t i = j["cameras"].size() - 1; i < s.drift.size()) j["cameras"].back()["drift"] = drift_json(s.drift[i]);
   }
   j["cameras_minimum"] = s.minimum_cameras;
   j["groups"] = s.counters.groups;

@@ -74,6 +74,13 @@ void add_cameras(Page& page, const StatusJson& status) {
   family("camera_frames_dropped_total", "counter", "Frames lost, by the device or for want of room.",
          [](const StatusJson& c) { return number_in(c, "dropped"); });
   family("camera_frames_corrupt_total", "counter", "Frames that arrived damaged.", [](const StatusJson& c) { return number_in(c, "corrupt"); });
+  family("camera_displaced", "gauge", "1 where the camera does not stand any more where the calibration says, by the people who were captured.",
+         [](const StatusJson& c) {
+           const std::string verdict = text_in(part_of(c, "drift"), "verdict");
+           return verdict == "moved" || verdict == "blind" ? 1.0 : 0.0;
+         });
+  family("camera_displacement_meters", "gauge", "Distance by which the camera's points of a person are off from the other cameras', root mean square; 0 where not known.",
+         [](const StatusJson& c) { return number_in(part_of(c, "drift"), "displacement_mm") / 1e3; });
   family("camera_restarts_total", "counter", "Times the camera was started anew.", [](const StatusJson& c) { return number_in(c, "restarts"); });
 }
 

@@ -6,7 +6,7 @@
 namespace booth::daemon {
 namespace {
 
-constexpr std::array<MessageEntry, 16> kMessages{{
+constexpr std::array<MessageEntry, 17> kMessages{{
     {Message::ready, "a1f631195cdc4a6dabf355ea22d04eef", "ready", "boothd has started and takes sessions.", "Nothing."},
     {Message::stopping, "cc9c1973756f462da8a49b52c89a1736", "stopping", "boothd was told to stop; a session that runs is saved.", "Nothing."},
     {Message::configuration_wrong, "6cbc0ff2a37b43c68f8bbae6a8eec657", "configuration wrong",
@@ -23,6 +23,9 @@ constexpr std::array<MessageEntry, 16> kMessages{{
     {Message::camera_lost, "9e0dd131d6624f1c8ebde46829dea822", "camera lost",
      "A camera does not deliver; boothd tries to get it back. The same trouble is told again after ten minutes.",
      "If it stays: `boothctl doctor`; unplug the sensor from mains and USB for ten seconds."},
+    {Message::camera_moved, "b264e53035a54b578338f237f45d6790", "camera moved",
+     "By the people who were captured, a camera does not stand any more where the calibration says; as information: it does again.",
+     "Look at the camera that is named: its mount, and what stands before it. Then calibrate anew, or `boothctl calibrate --from-person`."},
     {Message::backend_changed, "4ccdd4ee37f945b1af8b7339072ac108", "backend changed",
      "Another device computes the fit than before; as a warning: not the one that is configured.",
      "As a warning: look at the graphics processor (`nvidia-smi`, the kernel's log). boothd goes on with the CPU and tries it again."},

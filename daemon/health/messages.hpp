@@ -20,6 +20,7 @@ enum class Message : std::uint8_t {
   thread_stalled,
   camera_changed,
   camera_lost,
+  camera_moved,
   backend_changed,
   panel_problem,
   credentials_expire,

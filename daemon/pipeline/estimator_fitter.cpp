@@ -72,7 +72,16 @@ EstimatorFitter::EstimatorFitter(const std::vector<hal::CameraDescription>& came
     : cameras_(fit_cameras(cameras)),
       builder_(cloud, cameras_),
       observation_(builder_.make_observation(estimator.cloud_capacity)),
-      estimator_(std::move(models.men), std::move(models.women), std::move(models.prior), estimator) {
+      estimator_(models.men, models.women, std::move(models.prior), estimator) {
+  // A model that the estimator does not use serves nobody.
+  if (estimator.sex == fit::SexChoice::men) models.women = nullptr;
+  if (estimator.sex == fit::SexChoice::women) models.men = nullptr;
+  if (cameras_.size() > 1 && cameras_.size() <= kMaxCameras) {
+    fit::calibrate::PersonSystemSettings settings;
+    settings.cameras = static_cast<int>(cameras_.size());
+    settings.pivot = {static_cast<double>(cloud.stage_x), 1.0, static_cast<double>(cloud.stage_z)};
+    drift_.emplace(std::move(models.men), std::move(models.women), settings);
+  }
   std::vector<bool> have(cameras_.size(), false);
   for (const auto& frame : background) {
     const auto camera = static_cast<std::size_t>(hal::to_int(frame.camera));
@@ -82,7 +91,39 @@ EstimatorFitter::EstimatorFitter(const std::vector<hal::CameraDescription>& came
   }
 }
 
-void EstimatorFitter::reset() { estimator_.reset(); }
+void EstimatorFitter::reset() {
+  estimator_.reset();
+  if (drift_) drift_->new_person();
+}
+
+void EstimatorFitter::watch_drift() {
+  if (!drift_ || !drift_->observe(observation_, *result_)) return;
+  const std::lock_guard lock(drift_mutex_);
+  for (std::size_t c = 0; c < cameras_.size(); ++c) {
+    using Verdict = fit::calibrate::CameraVerdict;
+    constexpr double kLateKnown = 0.002;  // s
+    const fit::calibrate::CameraDrift& camera = drift_->camera(static_cast<int>(c));
+    CameraDriftStatus& said = drift_said_[c];
+    said.verdict = camera.verdict == Verdict::unknown  ? CameraDriftStatus::Verdict::unknown
+                   : camera.verdict == Verdict::stands ? CameraDriftStatus::Verdict::stands
+                   : camera.verdict == Verdict::moved  ? CameraDriftStatus::Verdict::moved
+                                                       : CameraDriftStatus::Verdict::blind;
+    said.one_of_two = drift_->ambiguous();
+    said.displacement = camera.says.displacement;
+    said.deviation = camera.says.deviation;
+    said.turn = camera.says.step.head<3>().norm();
+    said.shift = camera.says.step.tail<3>().norm();
+    said.late = camera.says.late;
+    said.late_deviation = camera.says.late_deviation;
+    said.late_known = camera.says.deviation > 0 && camera.says.late_deviation < kLateKnown;
+  }
+}
+
+std::vector<CameraDriftStatus> EstimatorFitter::drift() const {
+  if (!drift_) return {};
+  const std::lock_guard lock(drift_mutex_);
+  return {drift_said_.begin(), drift_said_.begin() + static_cast<std::ptrdiff_t>(cameras_.size())};
+}
 
 void EstimatorFitter::step(const FitInput& input, FrameRecord& out) {
   const std::int64_t begin = steady_ns();
@@ -101,6 +142,7 @@ void EstimatorFitter::step(const FitInput& input, FrameRecord& out) {
   // Nobody there is an observation too: the estimator has to know that its person is gone.
   const fit::FitResult& result = estimator_.step(observation_);
   result_ = &result;
+  watch_drift();
   copy_result(result, out);
   remark_ = !somebody ? fit::describe(report_.outcome) : result.state == fit::FitState::lost ? "the body model does not explain what stands on the stage" : "";
   out.points = static_cast<std::uint32_t>(observation_.cloud.size);
@@ -122,6 +164,7 @@ std::vector<MemoryItem> EstimatorFitter::memory_plan() const {
   const std::size_t cloud = static_cast<std::size_t>(observation_.cloud.capacity()) * (6 * sizeof(float) + 1);
   std::vector<MemoryItem> out{
       {"cloud builder", builder_.memory_bytes()}, {"observation (cloud and views)", cloud + views}, {"estimator", estimator_.memory_bytes()}};
+  if (drift_) out.push_back({"drift watch", drift_->memory_bytes()});
   if (const fit::DeviceBytes device = estimator_.device_bytes(); device.device > 0) {
     out.push_back({"pinned for the graphics processor", device.pinned});
     out.push_back({"on the graphics processor", device.device});

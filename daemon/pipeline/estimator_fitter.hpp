@@ -1,10 +1,14 @@
 // The real FrameFitter: depth images through the CloudBuilder to the Estimator, and its result into the booth frame.
 #pragma once
 
+#include <array>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <vector>
 
 #include "daemon/pipeline/frame_fitter.hpp"
+#include "fit/calibrate/drift_watch.hpp"
 #include "fit/cloud/cloud_builder.hpp"
 #include "fit/estimator.hpp"
 
@@ -30,6 +34,7 @@ class EstimatorFitter final : public FrameFitter {
   const char* remark() const override { return remark_; }
   std::vector<MemoryItem> memory_plan() const override;
   BackendStatus backend() const override;
+  std::vector<CameraDriftStatus> drift() const override;
 
   /// Of the last step(), for pictures.
   const fit::Observation& observation() const { return observation_; }
@@ -38,11 +43,16 @@ class EstimatorFitter final : public FrameFitter {
   const fit::FitResult& result() const { return *result_; }
 
  private:
+  void watch_drift();
+
   std::vector<fit::Camera> cameras_;
   fit::CloudBuilder builder_;
   fit::Observation observation_;
   fit::Estimator estimator_;
   fit::CloudReport report_;
+  std::optional<fit::calibrate::DriftWatch> drift_;  ///< none with a single camera
+  mutable std::mutex drift_mutex_;                   ///< guards what follows
+  std::array<CameraDriftStatus, kMaxCameras> drift_said_{};
   const fit::FitResult* result_ = nullptr;  ///< the estimator's, set by the first step()
   const char* remark_ = "";
 };

@@ -7,6 +7,13 @@ namespace booth::daemon {
 
 FitSetup make_fit_setup(const Config& config, const hal::DepthCameras& cameras, const std::vector<hal::DepthFrame>& background,
                         const fit::DeviceOpen& open_device) {
+  std::vector<hal::CameraDescription> descriptions;
+  for (const auto& camera : cameras) descriptions.push_back(camera->description());
+  return make_fit_setup(config, descriptions, background, open_device);
+}
+
+FitSetup make_fit_setup(const Config& config, const std::vector<hal::CameraDescription>& cameras, const std::vector<hal::DepthFrame>& background,
+                        const fit::DeviceOpen& open_device) {
   FitSetup out;
   const auto directory = find_models(config.models.directory);
   const bool paper = config.fit.preset == "paper";
@@ -36,9 +43,7 @@ FitSetup make_fit_setup(const Config& config, const hal::DepthCameras& cameras, 
                                                      : fit::BackendChoice::cpu;
   estimator.open_device = open_device;
   estimator.seed = static_cast<std::uint64_t>(config.fit.seed);
-  std::vector<hal::CameraDescription> descriptions;
-  for (const auto& camera : cameras) descriptions.push_back(camera->description());
-  out.fitter = std::make_unique<EstimatorFitter>(descriptions, background, FitModels{out.models.men, out.models.women, prior}, cloud, estimator);
+  out.fitter = std::make_unique<EstimatorFitter>(cameras, background, FitModels{out.models.men, out.models.women, prior}, cloud, estimator);
   return out;
 }
 

@@ -19,6 +19,8 @@ struct FitSetup {
 };
 
 /// `open_device` stands in for the CUDA device where it is given. Throws std::runtime_error or std::invalid_argument naming the file or the key.
+FitSetup make_fit_setup(const Config& config, const std::vector<hal::CameraDescription>& cameras, const std::vector<hal::DepthFrame>& background,
+                        const fit::DeviceOpen& open_device = {});
 FitSetup make_fit_setup(const Config& config, const hal::DepthCameras& cameras, const std::vector<hal::DepthFrame>& background,
                         const fit::DeviceOpen& open_device = {});
 

@@ -23,6 +23,7 @@ class TappedFitter final : public FrameFitter {
   const char* remark() const override { return fitter_.remark(); }
   std::vector<MemoryItem> memory_plan() const override { return fitter_.memory_plan(); }
   BackendStatus backend() const override { return fitter_.backend(); }
+  std::vector<CameraDriftStatus> drift() const override { return fitter_.drift(); }
 
  private:
   FrameFitter& fitter_;

@@ -9,6 +9,7 @@
 
 #include "daemon/health/log.hpp"
 #include "daemon/health/messages.hpp"
+#include "daemon/session/drift_words.hpp"
 #include "daemon/session/dds_samples.hpp"
 
 namespace booth::daemon {
@@ -95,6 +96,7 @@ void Controller::loop() {
     take_frames();
     watch_cameras();
     watch_backend();
+    watch_drift();
     watch_panel();
     watch_credentials();
     const hal::MonotonicTime now = clock_.now();
@@ -182,6 +184,30 @@ void Controller::watch_backend() {
     say_event(bad ? "fault" : "state", "fit", text);
   }
   backend_said_ = std::move(now);
+}
+
+void Controller::watch_drift() {
+  if (clock_.now() < next_drift_look_) return;
+  next_drift_look_ = clock_.now() + 500ms;
+  const std::vector<CameraDriftStatus> now = fitter_->drift();
+  const std::vector<CameraStatus> cameras = pipeline_->cameras();
+  drift_said_.resize(now.size(), CameraDriftStatus::Verdict::unknown);
+  std::string problem;
+  bool changed = false;
+  for (std::size_t c = 0; c < now.size() && c < cameras.size(); ++c) {
+    const bool bad = off_its_place(now[c]), was_bad = off_its_place(drift_said_[c]);
+    const std::string text = drift_sentence(cameras[c].name, now[c]);
+    if (bad && problem.empty()) problem = text;
+    changed |= bad != was_bad || (bad && now[c].verdict != drift_said_[c]);
+    if (now[c].verdict != drift_said_[c] && (bad || was_bad)) {
+      log_message(bad ? LogLevel::warning : LogLevel::info, Message::camera_moved, text);
+      say_event(bad ? "fault" : "state", "cameras", text);
+    }
+    drift_said_[c] = now[c].verdict;
+  }
+  const std::lock_guard lock(shared_mutex_);
+  // The sentence stays as long as the same cameras are off, so that figures that change every second do not make a new alarm of it.
+  if (changed) drift_problem_ = problem;
 }
 
 void Controller::watch_panel() {
@@ -371,7 +397,10 @@ DaemonStatus Controller::status() const {
     out.dds_failures = dds_->failures();
     out.dds_problem = dds_->last_failure();
   }
-  if (fitter_) out.backend = fitter_->backend();
+  if (fitter_) {
+    out.backend = fitter_->backend();
+    out.drift = fitter_->drift();
+  }
   const std::lock_guard lock(shared_mutex_);
   out.paused = paused_;
   out.latched = latched_;
@@ -381,7 +410,11 @@ DaemonStatus Controller::status() const {
   out.session_alarm = alarm_;
   out.dds_security = settings_.dds_security;
   out.credential_problem = credential_problem_;
-  out.alarm = !alarm_.empty() ? alarm_ : !panel_.problems.empty() ? panel_.problems.front() : credential_problem_;
+  out.drift_problem = drift_problem_;
+  out.alarm = !alarm_.empty()              ? alarm_
+              : !panel_.problems.empty()   ? panel_.problems.front()
+              : !credential_problem_.empty() ? credential_problem_
+                                           : drift_problem_;
   out.session = session_;
   out.session_folder = folder_.string();
   out.remark = remark_;

@@ -78,6 +78,8 @@ struct DaemonStatus {
   bool last_known = false;
   std::optional<SessionSummary> last_summary;  ///< of the last session that was finished
   BackendStatus backend;
+  std::vector<CameraDriftStatus> drift;  ///< of each camera; empty where nobody watches
+  std::string drift_problem;             ///< cameras that do not stand where the calibration says; empty when all do
   std::uint64_t dds_failures = 0;
   std::string dds_problem;
   std::string dds_security, credential_problem;
@@ -125,6 +127,7 @@ class Controller final : public FrameSink {
   void take_frames();
   void watch_cameras();
   void watch_backend();
+  void watch_drift();
   void watch_panel();
   void watch_credentials();
   void apply(const SessionOutcome& outcome, const std::string& source);
@@ -161,7 +164,8 @@ class Controller final : public FrameSink {
   RepeatedLog camera_log_, panel_log_;  ///< one line for each cause; repetitions are counted
   std::vector<std::string> panel_said_;
   BackendStatus backend_said_;
-  hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{}, next_credential_look_{};
+  std::vector<CameraDriftStatus::Verdict> drift_said_;
+  hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{}, next_credential_look_{}, next_drift_look_{};
   std::string status_key_;
   std::int64_t session_began_utc_ = 0;
   std::shared_ptr<const Seal> seal_;  ///< of this session; null: it is not sealed
@@ -171,7 +175,7 @@ class Controller final : public FrameSink {
   bool last_known_ = false;
   hal::MonotonicTime first_frame_{}, last_frame_{};
   std::uint64_t frames_ = 0;
-  std::string alarm_, session_, credential_problem_;
+  std::string alarm_, session_, credential_problem_, drift_problem_;
   const char* remark_ = "";  ///< a constant sentence of the fitter's: log() may not allocate
   std::filesystem::path folder_;
   PanelStatus panel_;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <sys/statvfs.h>
 
+#include "daemon/session/drift_words.hpp"
 #include "fit/body/measure.hpp"
 
 namespace booth::daemon {
@@ -24,7 +25,7 @@ void add_disk(StatusSample& out, std::filesystem::path folder) {
 void add_faults(StatusSample& out, const DaemonStatus& s) {
   const auto add = [&](const char* source, std::string text) { out.faults.emplace_back(source, std::move(text)); };
   if (!s.credential_problem.empty()) add("dds", s.credential_problem);
-  if (!s.alarm.empty() && s.alarm != s.credential_problem) add("session", s.alarm);
+  if (!s.alarm.empty() && s.alarm != s.credential_problem && s.alarm != s.drift_problem) add("session", s.alarm);
   for (const auto& problem : s.panel.problems)
     if (problem != s.alarm) add("gpio", problem);
   if (s.latched) add("panel", "the emergency stop is pressed");
@@ -32,6 +33,8 @@ void add_faults(StatusSample& out, const DaemonStatus& s) {
   for (const auto& c : s.cameras)
     if (c.state != CameraState::running)
       add("cameras", fmt::format("camera {} is {}{}{}", c.name, to_string(c.state), c.problem.empty() ? "" : ": ", c.problem));
+  for (std::size_t c = 0; c < s.drift.size() && c < s.cameras.size(); ++c)
+    if (off_its_place(s.drift[c])) add("cameras", drift_sentence(s.cameras[c].name, s.drift[c]));
   if (!s.backend.problem.empty()) add("fit", fmt::format("{}: {}", s.backend.name, s.backend.problem));
   if (out.disk_free_bytes >= 0 && out.disk_free_bytes < kLowDisk)
     add("disk", fmt::format("only {} MB are free where sessions are kept", out.disk_free_bytes / 1'000'000));

@@ -55,7 +55,7 @@ void PanelLink::show() {
   const LightFacts facts{.state = status.state,
                          .latched = status.latched,
                          .paused = status.paused,
-                         .degraded = status.degraded || !status.backend.problem.empty(),
+                         .degraded = status.degraded || !status.backend.problem.empty() || !status.drift_problem.empty(),
                          .alarm = !status.session_alarm.empty(),
                          .panel = !problems.empty()};
   const hal::LightShow light = light_of(facts);

@@ -12,6 +12,9 @@ namespace booth::drivers {
 /// The [[camera]] tables in their order. Throws std::runtime_error naming file, line and key.
 std::vector<hal::CameraDescription> read_calibration(const std::filesystem::path& file);
 
+/// `time_offset_ms` of each table, in seconds: by how much the camera's time stamps lie behind its exposures; 0 where it is not said. Throws the same.
+std::vector<double> read_time_offsets(const std::filesystem::path& file);
+
 /// What a camera's table says besides its description; both may be empty.
 struct CalibrationFiles {
   std::string folder;                   ///< of its pictures

@@ -116,6 +116,18 @@ std::vector<hal::CameraDescription> descriptions(const std::filesystem::path& fi
 
 std::vector<hal::CameraDescription> read_calibration(const std::filesystem::path& file) { return descriptions(file, parse_calibration(file)); }
 
+std::vector<double> read_time_offsets(const std::filesystem::path& file) {
+  constexpr double kMost = 50;  // ms: more than a frame is no delay of a camera
+  const toml::table root = parse_calibration(file);
+  std::vector<double> out;
+  for (const CameraTable& table : camera_tables(file, root)) {
+    const double offset = table.number("time_offset_ms", 0);
+    if (!(offset >= -kMost && offset <= kMost)) table.wrong("time_offset_ms", "must be from -50 to 50");
+    out.push_back(offset / 1000);
+  }
+  return out;
+}
+
 std::vector<hal::CameraDescription> parse_calibration_text(const std::string& text, const std::filesystem::path& name) {
   try {
     return descriptions(name, toml::parse(text, name.string()));

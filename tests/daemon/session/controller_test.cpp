@@ -5,7 +5,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "daemon/ctl/control_protocol.hpp"
 #include "daemon/session/controller.hpp"
+#include "daemon/session/dds_samples.hpp"
 #include "drivers/clock/system_clock.hpp"
 #include "tests/daemon/support/fake_booth.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
@@ -111,6 +113,41 @@ TEST_F(SessionTest, EmergencySavesAndLatches) {
   ASSERT_TRUE(eventually([&] { return controller->status().latched; }));
   controller->request(SessionEvent::emergency_released, "button");
   EXPECT_TRUE(controller->request(SessionEvent::start, "test").accepted);
+}
+
+TEST_F(SessionTest, ACameraThatMovedIsAnAlarmAndNoReasonToStop) {
+  using Verdict = CameraDriftStatus::Verdict;
+  build(folder.path);
+  controller->request(SessionEvent::start, "test");
+  ASSERT_TRUE(reaches(SessionState::tracking));
+  fitter.says_of_cameras({{.verdict = Verdict::stands}, {.verdict = Verdict::moved, .displacement = 0.021, .deviation = 0.001}, {.verdict = Verdict::unknown}});
+  ASSERT_TRUE(eventually([&] { return !controller->status().alarm.empty(); }));
+  const DaemonStatus status = controller->status();
+  EXPECT_EQ(status.alarm, "camera c1 has moved: its points of a person are 21 mm off; fasten it and calibrate again");
+  EXPECT_EQ(status.alarm, status.drift_problem);
+  EXPECT_TRUE(status.session_alarm.empty()) << "the session is saved";
+  EXPECT_EQ(status.state, SessionState::tracking);
+  EXPECT_FALSE(status.degraded) << "no camera is missing";
+
+  const json j = json::parse(status_json(status));
+  EXPECT_EQ(j["cameras"][0]["drift"], (json{{"verdict", "stands"}}));
+  EXPECT_EQ(j["cameras"][1]["drift"]["verdict"], "moved");
+  EXPECT_DOUBLE_EQ(j["cameras"][1]["drift"]["displacement_mm"].get<double>(), 21);
+  const StatusSample sample = status_sample(status, {}, 0);
+  ASSERT_EQ(sample.faults.size(), 1u);
+  EXPECT_EQ(sample.faults[0].first, "cameras");
+  EXPECT_THAT(sample.faults[0].second, HasSubstr("c1 has moved"));
+
+  fitter.says_of_cameras({{.verdict = Verdict::stands}, {.verdict = Verdict::stands}, {.verdict = Verdict::blind}});
+  ASSERT_TRUE(eventually([&] { return controller->status().alarm.find("c2 sees nothing") != std::string::npos; }));
+  fitter.says_of_cameras({{.verdict = Verdict::stands}, {.verdict = Verdict::stands}, {.verdict = Verdict::stands}});
+  ASSERT_TRUE(eventually([&] { return controller->status().alarm.empty(); }));
+  controller->request(SessionEvent::stop, "test");
+  ASSERT_TRUE(reaches(SessionState::idle));
+  std::string events;
+  for (const auto& e : session_json()["events"]) events += e["text"].get<std::string>() + "\n";
+  EXPECT_THAT(events, HasSubstr("camera c1 has moved"));
+  EXPECT_THAT(events, HasSubstr("camera c1 stands where the calibration says"));
 }
 
 TEST_F(SessionTest, AnUnwritableFolderMeansLiveOnly) {

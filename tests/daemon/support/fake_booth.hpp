@@ -87,6 +87,14 @@ class FakeFitter final : public daemon::FrameFitter {
   }
   const char* remark() const override { return there ? "" : "the stage is empty"; }
   std::vector<daemon::MemoryItem> memory_plan() const override { return {{"nothing", 0}}; }
+  std::vector<daemon::CameraDriftStatus> drift() const override {
+    const std::lock_guard lock(drift_mutex_);
+    return drift_;
+  }
+  void says_of_cameras(std::vector<daemon::CameraDriftStatus> drift) {
+    const std::lock_guard lock(drift_mutex_);
+    drift_ = std::move(drift);
+  }
 
   std::chrono::milliseconds busy{0};
   std::atomic<bool> held{false};     ///< step() does not return before this is false again ...
@@ -94,6 +102,10 @@ class FakeFitter final : public daemon::FrameFitter {
   std::atomic<bool> there{true};
   std::uint64_t accept_at = 3;
   std::atomic<int> resets{0}, steps{0};
+
+ private:
+  mutable std::mutex drift_mutex_;
+  std::vector<daemon::CameraDriftStatus> drift_;
 };
 
 /// True as soon as `condition` is, false when it has not become so within the limit.
