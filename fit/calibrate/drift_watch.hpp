@@ -11,8 +11,8 @@ namespace booth::fit::calibrate {
 
 /// How they were chosen: docs/design/drift.md.
 struct DriftLimits {
-  double displacement = 0.011;  ///< metres that a camera's points of a person are off, root mean square
-  double deviations = 4;        ///< and so many of its standard deviations
+  double displacement = 0.006;  ///< metres that a camera's points of a person are off, root mean square
+  double deviations = 2.5;       ///< and so many of its standard deviations
   double late = 0.008;          ///< seconds: a warning is due beyond it
   double missed = 0.7;          ///< share of moments in which a camera saw nothing of the person: it looks elsewhere
   double memory = 7;            ///< seconds of followed motion after which a look weighs 1/e

@@ -257,8 +257,8 @@ void PersonSystem::eliminate_pose() {
   moment_.noalias() -= cross_.transpose().lazyProduct(solved_);
   moment_gradient_.noalias() -= solved_.transpose().lazyProduct(pose_gradient_);
   if (!moment_.allFinite() || !moment_gradient_.allFinite()) return;
-  information_ += settings_.moment_trust * moment_;
-  gradient_ += settings_.moment_trust * moment_gradient_;
+  information_ += moment_;
+  gradient_ += moment_gradient_;
 }
 
 void PersonSystem::add_priors(Matrix& a) const {

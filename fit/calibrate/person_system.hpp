@@ -22,7 +22,6 @@ struct PersonSystemSettings {
   int stride = 3;                     ///< every so many tracked frames are a moment
   double independent = 20;            ///< as how many independent measurements of `sigma` a camera's points of a moment count
   double sigma = 0.01;                ///< metres
-  double moment_trust = 0.02;         ///< moments share the errors of the body's shape: each counts as so much of one
   double turn_sigma = 0.05;           ///< radians, metres, seconds: what is known of a camera beforehand
   double shift_sigma = 0.2, late_sigma = 0.02;
 };

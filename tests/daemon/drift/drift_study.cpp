@@ -62,7 +62,7 @@ Outcome watch(const DriftScene& scene, const Options& o) {
         ++out.wrong;
       }
     }
-    return true;
+    return out.detected < 0;
   });
   return out;
 }
