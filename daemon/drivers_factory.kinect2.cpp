@@ -84,16 +84,15 @@ hal::DepthCameras make_cameras(const Config& config, const kinect2::KinectShared
   patience.stall = std::max<hal::Nanoseconds>(patience.stall, hal::from_seconds(9 / rate));  // an emulated sensor may be slow
   hal::DepthCameras cameras;
   for (const Position& position : positions)
-    cameras.push_back(drivers::punctual(
-        kinect2::make_kinect_camera(shared, {.index = hal::CameraIndex(static_cast<std::uint8_t>(cameras.size())),
-                                             .serial = position.serial,
-                                             .name = position.name,
-                                             .camera_to_world = position.camera_to_world,
-                                             .transfers = static_cast<int>(kinect.transfers),
-                                             .colour = kinect.colour,
-                                             .nominal_rate = rate,
-                                             .patience = patience}),
-        hal::from_seconds(position.late)));
+    cameras.push_back(drivers::punctual(kinect2::make_kinect_camera(shared, {.index = hal::CameraIndex(static_cast<std::uint8_t>(cameras.size())),
+                                                                             .serial = position.serial,
+                                                                             .name = position.name,
+                                                                             .camera_to_world = position.camera_to_world,
+                                                                             .transfers = static_cast<int>(kinect.transfers),
+                                                                             .colour = kinect.colour,
+                                                                             .nominal_rate = rate,
+                                                                             .patience = patience}),
+                                        hal::from_seconds(position.late)));
   return cameras;
 }
 

@@ -74,7 +74,8 @@ std::string calibration_text(const CalibrationRecord& r) {
         "reprojection_px = {}\ncorner_mm = {}\nplane_mm = {}\n",
         toml_float(found.depth.gain), toml_float(found.depth.offset), toml_float(found.position_sd_mm), toml_float(found.angle_sd_deg), found.pictures,
         toml_float(error.reprojection_px), toml_float(error.corner_mm), toml_float(error.plane_mm));
-    if (i < r.late.size() && r.late[i] != 0) out += fmt::format("time_offset_ms = {}  # its time stamps lie so far behind its exposures\n", toml_float(1e3 * r.late[i]));
+    if (i < r.late.size() && r.late[i] != 0)
+      out += fmt::format("time_offset_ms = {}  # its time stamps lie so far behind its exposures\n", toml_float(1e3 * r.late[i]));
   }
   return out;
 }

@@ -18,7 +18,8 @@ struct CalibrationRecord {
   std::string utc, by, software;                ///< when ("2026-11-28T09:00:00Z"), who, what made it
   double square = 0;                            ///< metres
   int views = 0;
-  std::vector<double> late{};  ///< seconds, of each camera (time_offset_ms); empty: store_calibration() takes over what the file before says of the same sensors
+  std::vector<double>
+      late{};  ///< seconds, of each camera (time_offset_ms); empty: store_calibration() takes over what the file before says of the same sensors
 };
 
 /// The file's text. Numbers are written so that reading them gives the same bits.

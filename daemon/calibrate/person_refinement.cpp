@@ -23,14 +23,14 @@ using fit::calibrate::PersonSystemSettings;
 using fit::calibrate::Rigid;
 using fit::calibrate::Vector6;
 
-constexpr double kStretch = 2;           // s; every second one is held out
+constexpr double kStretch = 2;               // s; every second one is held out
 constexpr std::size_t kFewestStretches = 4;  // held out, with a followed person in at least half of their frames
 constexpr int kStretchFrames = 15;
-constexpr double kLeastMoments = 40;     // in which a camera must have seen the person
+constexpr double kLeastMoments = 40;                    // in which a camera must have seen the person
 constexpr double kStill = 0.0003, kStillLate = 0.0002;  // m, s: a pass that moves no camera more is the last
-constexpr double kKnown = 0.003;         // m: a place that is known less well is not taken
-constexpr double kFarthest = 0.15;       // m: cameras that are further off are a case for the board
-constexpr double kSure = 2;              // standard deviations by which held-out frames must be better
+constexpr double kKnown = 0.003;                        // m: a place that is known less well is not taken
+constexpr double kFarthest = 0.15;                      // m: cameras that are further off are a case for the board
+constexpr double kSure = 2;                             // standard deviations by which held-out frames must be better
 
 struct Stretch {
   double residual = 0;
@@ -138,7 +138,8 @@ std::string too_little(const RefinementInput& input, const Pass& pass) {
   std::size_t stretches = 0;
   for (const auto& [number, s] : pass.held_out) stretches += s.frames >= kStretchFrames;
   if (stretches < kFewestStretches)
-    return fmt::format("a person with a settled body was followed for {:.0f} s; at least 20 s of somebody who walks about and moves the arms are needed", pass.seconds);
+    return fmt::format("a person with a settled body was followed for {:.0f} s; at least 20 s of somebody who walks about and moves the arms are needed",
+                       pass.seconds);
   for (std::size_t c = 0; c < pass.says.size(); ++c)
     if (pass.says[c].moments < kLeastMoments) return fmt::format("camera {} saw the person in too few moments to learn its place from", input.cameras[c].name);
   return "";
@@ -189,9 +190,11 @@ PersonRefinement refine_from_person(const RefinementInput& input) {
   }
   compare(first, pass, out);
   out.disagreement_after = most_off(pass.held_out_says);
-  const std::string figures = fmt::format("points lie {:.2f} mm off the body instead of {:.2f} on {} frames that served no estimate (gain {:.2f} +- {:.2f}), cameras disagree by {:.1f} mm instead of {:.1f}",
-                                          1e3 * out.residual_after, 1e3 * out.residual_before, out.held_out_frames, 1e3 * out.gain, 1e3 * out.gain_deviation,
-                                          1e3 * out.disagreement_after, 1e3 * out.disagreement_before);
+  const std::string figures = fmt::format(
+      "points lie {:.2f} mm off the body instead of {:.2f} on {} frames that served no estimate (gain {:.2f} +- {:.2f}), cameras disagree by {:.1f} mm instead "
+      "of {:.1f}",
+      1e3 * out.residual_after, 1e3 * out.residual_before, out.held_out_frames, 1e3 * out.gain, 1e3 * out.gain_deviation, 1e3 * out.disagreement_after,
+      1e3 * out.disagreement_before);
   if (out.held_out_frames == 0) {
     out.sentence = "the person was lost with the refined cameras: nothing can be compared";
   } else if (farthest > kFarthest) {

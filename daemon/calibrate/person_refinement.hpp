@@ -11,10 +11,10 @@
 namespace booth::daemon {
 
 struct RefinementInput {
-  std::function<DepthSource()> open;           ///< the recording from its beginning; called once for each pass
-  std::vector<hal::CameraDescription> cameras;  ///< where the calibration has the source's cameras, in the source's order
-  Config config;                                ///< models, stage, fit
-  int passes = 5;                               ///< at most, the one that measures the calibration as it is included
+  std::function<DepthSource()> open;              ///< the recording from its beginning; called once for each pass
+  std::vector<hal::CameraDescription> cameras;    ///< where the calibration has the source's cameras, in the source's order
+  Config config;                                  ///< models, stage, fit
+  int passes = 5;                                 ///< at most, the one that measures the calibration as it is included
   std::function<void(const std::string&)> say{};  ///< a line on each pass; may be empty
 };
 
@@ -26,7 +26,7 @@ struct RefinedCamera {
 
 struct PersonRefinement {
   bool better = false;
-  std::string sentence;                        ///< what was found; where it is not better, why
+  std::string sentence;                         ///< what was found; where it is not better, why
   std::vector<hal::CameraDescription> cameras;  ///< refined
   std::vector<RefinedCamera> change;
   /// Of frames that served no estimate: mean distance (m) of the person's points to the fitted surface, and what the cameras' points are off by at most (m).

@@ -63,8 +63,10 @@ std::string matrix(const hal::RigidTransform& t) {
 
 std::string provenance(const PersonRefinement& r, const RefinementOrigin& o) {
   std::string out = fmt::format(
-      "\n[[refinement]]  # by a person before the cameras (docs/guide/calibrate.md); errors on frames that served no estimate\nutc = {}\nby = {}\nsoftware = {}\n"
-      "recording = {}\nseconds = {}\nheld_out_frames = {}\nresidual_before_mm = {}\nresidual_after_mm = {}\ndisagreement_before_mm = {}\ndisagreement_after_mm = {}\n",
+      "\n[[refinement]]  # by a person before the cameras (docs/guide/calibrate.md); errors on frames that served no estimate\nutc = {}\nby = {}\nsoftware = "
+      "{}\n"
+      "recording = {}\nseconds = {}\nheld_out_frames = {}\nresidual_before_mm = {}\nresidual_after_mm = {}\ndisagreement_before_mm = {}\ndisagreement_after_mm "
+      "= {}\n",
       toml_string(o.utc), toml_string(o.by), toml_string(o.software), toml_string(o.recording), toml_float(r.seconds), r.held_out_frames,
       toml_float(1e3 * r.residual_before), toml_float(1e3 * r.residual_after), toml_float(1e3 * r.disagreement_before), toml_float(1e3 * r.disagreement_after));
   for (std::size_t c = 0; c < r.cameras.size(); ++c)
@@ -102,7 +104,8 @@ std::string refined_calibration_text(const fs::path& file, const PersonRefinemen
     const std::string offset = toml_float(1e3 * (late[i] + refinement.change[c].late));
     const toml::node* known_offset = table.get("time_offset_ms");
     const toml::node& place = *table.get("camera_to_world");
-    exchange(place, matrix(camera.camera_to_world) + (known_offset != nullptr ? "" : fmt::format("\ntime_offset_ms = {}  # its time stamps lie so far behind its exposures", offset)));
+    exchange(place, matrix(camera.camera_to_world) +
+                        (known_offset != nullptr ? "" : fmt::format("\ntime_offset_ms = {}  # its time stamps lie so far behind its exposures", offset)));
     if (known_offset != nullptr) exchange(*known_offset, offset);
   }
   if (const auto utc = root["calibration"]["utc"]; utc.is_string())

@@ -351,7 +351,8 @@ void from_person(const Options& o) {
   Config config = load_config({.file = o.config, .assignments = o.assignments});
   const bool named = !o.out.empty() || !config.cameras.kinect2.calibration.empty();
   const fs::path file = named ? file_of(o) : fs::path();
-  calibrate_from_person({.recording = o.from_person, .file = file, .config = std::move(config), .utc = now_utc(), .by = who(o), .dry_run = o.dry_run, .json = o.json});
+  calibrate_from_person(
+      {.recording = o.from_person, .file = file, .config = std::move(config), .utc = now_utc(), .by = who(o), .dry_run = o.dry_run, .json = o.json});
 }
 
 void run(const Options& o) {

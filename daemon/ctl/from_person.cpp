@@ -27,7 +27,8 @@ void check_places(const std::vector<hal::CameraDescription>& recorded, const Fro
   const auto stored = read_cameras(task.file);
   for (const auto& camera : recorded) {
     const auto it = std::find_if(stored.begin(), stored.end(), [&](const auto& s) { return s.name == camera.name; });
-    if (it == stored.end()) throw VerbFailure(fmt::format("{}: has no camera '{}', of which {} holds pictures", task.file.string(), camera.name, task.recording));
+    if (it == stored.end())
+      throw VerbFailure(fmt::format("{}: has no camera '{}', of which {} holds pictures", task.file.string(), camera.name, task.recording));
     const auto a = rigid_of(it->camera_to_world), b = rigid_of(camera.camera_to_world);
     if ((a.translation - b.translation).norm() > kSame || fit::calibrate::angle_between(a.rotation, b.rotation) > kSameTurn)
       throw VerbFailure(fmt::format("{} was made with another calibration than {} (camera {} stands elsewhere in it): record anew", task.recording,
@@ -77,15 +78,15 @@ void calibrate_from_person(const FromPerson& task) {
   const PersonRefinement r = refine_from_person(input);
   const bool store = r.better && !task.dry_run;
   if (store)
-    store_refined_calibration(task.file, r,
-                              {.utc = task.utc, .by = task.by, .software = "boothctl " BOOTHD_VERSION, .recording = fs::path(task.recording).filename().string()});
+    store_refined_calibration(
+        task.file, r, {.utc = task.utc, .by = task.by, .software = "boothctl " BOOTHD_VERSION, .recording = fs::path(task.recording).filename().string()});
   if (task.json) {
     std::cout << to_json(r, task, store).dump(2, ' ', false, Json::error_handler_t::replace) << "\n" << std::flush;
   } else if (r.better) {
     std::cout << r.sentence << "\n";
     for (std::size_t c = 0; c < r.cameras.size(); ++c)
-      std::cout << fmt::format("  {:<12} moves by {:5.1f} mm and {:5.2f} degrees at a person (+-{:.1f} mm), its time stamps by {:+.1f} ms (+-{:.1f})\n", r.cameras[c].name,
-                               1e3 * r.change[c].shift, r.change[c].turn * 180 / M_PI, 1e3 * r.change[c].deviation, -1e3 * r.change[c].late,
+      std::cout << fmt::format("  {:<12} moves by {:5.1f} mm and {:5.2f} degrees at a person (+-{:.1f} mm), its time stamps by {:+.1f} ms (+-{:.1f})\n",
+                               r.cameras[c].name, 1e3 * r.change[c].shift, r.change[c].turn * 180 / M_PI, 1e3 * r.change[c].deviation, -1e3 * r.change[c].late,
                                1e3 * r.change[c].late_deviation);
     if (store) std::cout << fmt::format("{}: refined; restart boothd to use it\n", task.file.string());
     if (!store) std::cout << "nothing was changed (--dry-run)\n";

@@ -79,7 +79,8 @@ void add_cameras(Page& page, const StatusJson& status) {
            const std::string verdict = text_in(part_of(c, "drift"), "verdict");
            return verdict == "moved" || verdict == "blind" ? 1.0 : 0.0;
          });
-  family("camera_displacement_meters", "gauge", "Distance by which the camera's points of a person are off from the other cameras', root mean square; 0 where not known.",
+  family("camera_displacement_meters", "gauge",
+         "Distance by which the camera's points of a person are off from the other cameras', root mean square; 0 where not known.",
          [](const StatusJson& c) { return number_in(part_of(c, "drift"), "displacement_mm") / 1e3; });
   family("camera_restarts_total", "counter", "Times the camera was started anew.", [](const StatusJson& c) { return number_in(c, "restarts"); });
 }

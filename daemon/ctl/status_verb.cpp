@@ -63,7 +63,8 @@ std::string for_people(const Json& s) {
                        c.value("problem", "").empty() ? "" : ": " + c.value("problem", ""));
     const Json drift = c.value("drift", Json::object());
     const std::string verdict = drift.is_object() ? drift.value("verdict", "") : "";
-    if (verdict == "moved") out += fmt::format("           {:<14} HAS MOVED: its points of a person are {:.0f} mm off\n", "", drift.value("displacement_mm", 0.0));
+    if (verdict == "moved")
+      out += fmt::format("           {:<14} HAS MOVED: its points of a person are {:.0f} mm off\n", "", drift.value("displacement_mm", 0.0));
     if (verdict == "blind") out += fmt::format("           {:<14} SEES NOBODY where the other cameras do\n", "");
   }
   if (s.value("frames", 0) > 0) {

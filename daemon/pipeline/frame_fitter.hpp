@@ -37,11 +37,11 @@ struct BackendStatus {
 struct CameraDriftStatus {
   enum class Verdict : std::uint8_t { unknown, stands, moved, blind };  ///< too little was seen; it does; it does not; it sees nobody where the others do
   Verdict verdict = Verdict::unknown;
-  bool one_of_two = false;                     ///< moved, or the other camera has: only two see the person
-  double displacement = 0, deviation = 0;      ///< metres by which its points of a person are off, root mean square, and what chance makes of that
-  double turn = 0, shift = 0;                  ///< radians and metres (at the middle of a person) that would put them right
-  double late = 0, late_deviation = 0;         ///< seconds by which its time stamps lie behind its exposures, against the mean of all
-  bool late_known = false;                     ///< the person moved enough to tell
+  bool one_of_two = false;                 ///< moved, or the other camera has: only two see the person
+  double displacement = 0, deviation = 0;  ///< metres by which its points of a person are off, root mean square, and what chance makes of that
+  double turn = 0, shift = 0;              ///< radians and metres (at the middle of a person) that would put them right
+  double late = 0, late_deviation = 0;     ///< seconds by which its time stamps lie behind its exposures, against the mean of all
+  bool late_known = false;                 ///< the person moved enough to tell
 };
 
 /// One thread calls at a time. step() allocates nothing and throws nothing.

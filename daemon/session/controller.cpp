@@ -9,8 +9,8 @@
 
 #include "daemon/health/log.hpp"
 #include "daemon/health/messages.hpp"
-#include "daemon/session/drift_words.hpp"
 #include "daemon/session/dds_samples.hpp"
+#include "daemon/session/drift_words.hpp"
 
 namespace booth::daemon {
 
@@ -411,10 +411,10 @@ DaemonStatus Controller::status() const {
   out.dds_security = settings_.dds_security;
   out.credential_problem = credential_problem_;
   out.drift_problem = drift_problem_;
-  out.alarm = !alarm_.empty()              ? alarm_
-              : !panel_.problems.empty()   ? panel_.problems.front()
+  out.alarm = !alarm_.empty()                ? alarm_
+              : !panel_.problems.empty()     ? panel_.problems.front()
               : !credential_problem_.empty() ? credential_problem_
-                                           : drift_problem_;
+                                             : drift_problem_;
   out.session = session_;
   out.session_folder = folder_.string();
   out.remark = remark_;

@@ -12,7 +12,7 @@ namespace booth::fit::calibrate {
 /// How they were chosen: docs/design/drift.md.
 struct DriftLimits {
   double displacement = 0.006;  ///< metres that a camera's points of a person are off, root mean square
-  double deviations = 2.5;       ///< and so many of its standard deviations
+  double deviations = 2.5;      ///< and so many of its standard deviations
   double late = 0.008;          ///< seconds: a warning is due beyond it
   double missed = 0.7;          ///< share of moments in which a camera saw nothing of the person: it looks elsewhere
   double memory = 7;            ///< seconds of followed motion after which a look weighs 1/e
@@ -39,7 +39,8 @@ struct CameraDrift {
 class DriftWatch {
  public:
   /// Throws as PersonSystem.
-  DriftWatch(std::shared_ptr<const BodyModel> men, std::shared_ptr<const BodyModel> women, const PersonSystemSettings& settings, const DriftLimits& limits = {});
+  DriftWatch(std::shared_ptr<const BodyModel> men, std::shared_ptr<const BodyModel> women, const PersonSystemSettings& settings,
+             const DriftLimits& limits = {});
 
   /// One fitted frame. True when the cameras were judged anew.
   bool observe(const Observation& observation, const FitResult& result);

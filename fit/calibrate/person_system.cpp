@@ -12,17 +12,17 @@ namespace booth::fit::calibrate {
 namespace {
 
 constexpr int kMostSamples = 400;
-constexpr float kReach = 0.12f;             // m; how far from the body a point may be
-constexpr float kNormalGate = 0.35f;        // cosine between a point's and the body's normal
-constexpr float kGrazing = 0.25f;           // cosine between normal and line of sight below which a time-of-flight camera errs most
-constexpr float kRobust = 0.04f;            // m, Geman-McClure
-constexpr double kLongestStep = 0.12;       // s between frames that follow each other
-constexpr double kFastest = 25, kFastestMove = 6;  // rad/s, m/s: nobody moves so; the fit jumped
-constexpr int kFewPoints = 80;              // of the person in a picture: fewer are none
-constexpr int kManyPoints = 1500;           // of all cameras together: fewer say nothing of who sees the person
-constexpr double kFewMoments = 5;           // fewer say nothing of a camera
+constexpr float kReach = 0.12f;                     // m; how far from the body a point may be
+constexpr float kNormalGate = 0.35f;                // cosine between a point's and the body's normal
+constexpr float kGrazing = 0.25f;                   // cosine between normal and line of sight below which a time-of-flight camera errs most
+constexpr float kRobust = 0.04f;                    // m, Geman-McClure
+constexpr double kLongestStep = 0.12;               // s between frames that follow each other
+constexpr double kFastest = 25, kFastestMove = 6;   // rad/s, m/s: nobody moves so; the fit jumped
+constexpr int kFewPoints = 80;                      // of the person in a picture: fewer are none
+constexpr int kManyPoints = 1500;                   // of all cameras together: fewer say nothing of who sees the person
+constexpr double kFewMoments = 5;                   // fewer say nothing of a camera
 constexpr double kPoseTurn = 0.3, kPoseMove = 0.3;  // rad, m: how far a moment's pose may be from what was fitted
-constexpr double kOutside = 0.01;           // m, standard deviation of the points' common distance from the body
+constexpr double kOutside = 0.01;                   // m, standard deviation of the points' common distance from the body
 // Second moments of a standing person about its middle, m^2: how much a turn about x, y, z moves its points.
 const Eigen::Vector3d kSpread(0.22, 0.05, 0.22);
 

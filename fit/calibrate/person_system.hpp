@@ -16,13 +16,13 @@ namespace booth::fit::calibrate {
 
 struct PersonSystemSettings {
   static constexpr int kMostCameras = 8;
-  int cameras = 4;                    ///< 1 to kMostCameras; views of the observations
-  Eigen::Vector3d pivot{0, 1, 0};     ///< CMU frame, metres: steps turn about it; about the middle of a person on the stage
-  int samples = 240;                  ///< points of each camera in a moment, at most 400
-  int stride = 3;                     ///< every so many tracked frames are a moment
-  double independent = 20;            ///< as how many independent measurements of `sigma` a camera's points of a moment count
-  double sigma = 0.01;                ///< metres
-  double turn_sigma = 0.05;           ///< radians, metres, seconds: what is known of a camera beforehand
+  int cameras = 4;                 ///< 1 to kMostCameras; views of the observations
+  Eigen::Vector3d pivot{0, 1, 0};  ///< CMU frame, metres: steps turn about it; about the middle of a person on the stage
+  int samples = 240;               ///< points of each camera in a moment, at most 400
+  int stride = 3;                  ///< every so many tracked frames are a moment
+  double independent = 20;         ///< as how many independent measurements of `sigma` a camera's points of a moment count
+  double sigma = 0.01;             ///< metres
+  double turn_sigma = 0.05;        ///< radians, metres, seconds: what is known of a camera beforehand
   double shift_sigma = 0.2, late_sigma = 0.02;
 };
 
@@ -37,8 +37,8 @@ struct CameraSays {
   double missed = 0;               ///< share of the moments in which it should have seen the person, and saw nothing of it where the others do
 };
 
-/// Normal equations over all cameras' steps and delays, the person's shape, and each moment's pose. The pose is eliminated moment by moment (Schur complement), so
-/// that the pull of each camera on the fitted pose is no bias; the shape is a common unknown with its own prior. Fixed memory: everything is allocated by
+/// Normal equations over all cameras' steps and delays, the person's shape, and each moment's pose. The pose is eliminated moment by moment (Schur complement),
+/// so that the pull of each camera on the fitted pose is no bias; the shape is a common unknown with its own prior. Fixed memory: everything is allocated by
 /// the constructor, the other functions allocate nothing and throw nothing. One thread at a time. Derivation: docs/design/drift.md.
 class PersonSystem {
  public:

@@ -1,6 +1,8 @@
 // The knocked camera is rendered by a fifth one, which takes its place when its time has come.
 #include "tests/daemon/drift/drift_scene.hpp"
 
+#include <time.h>
+
 #include <algorithm>
 #include <stdexcept>
 
@@ -9,6 +11,12 @@
 #include "drivers/synthetic/motions.hpp"
 
 namespace booth::tests {
+
+double thread_ms() {
+  timespec t{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
+}
 
 hal::CameraDescription moved(hal::CameraDescription camera, const fit::calibrate::Vector6& knock) {
   Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> rotation(camera.camera_to_world.rotation.data());
@@ -68,8 +76,9 @@ void play(const DriftScene& scene, const std::function<bool(const DriftFrame&)>&
     }
     input.reference = hal::MonotonicTime(sum / static_cast<std::int64_t>(count));
     daemon::FrameRecord record;
+    const double before = thread_ms();
     fitter.step(input, record);
-    if (!each({.time = time, .fitter = &fitter, .record = &record})) break;
+    if (!each({.time = time, .fitter = &fitter, .record = &record, .milliseconds = thread_ms() - before})) break;
   }
   for (auto& camera : source.cameras) camera->stop();
 }

@@ -18,18 +18,22 @@ struct DriftScene {
   std::uint64_t seed = 1;
   drivers::NoiseModel noise{};  ///< Kinect v2
   int cameras = 4;
-  int knocked = -1;                                                  ///< which camera; negative: none
-  double knocked_at = 0;                                             ///< seconds
-  fit::calibrate::Vector6 knock = fit::calibrate::Vector6::Zero();   ///< turn (rad) about the camera's own centre and shift (m), booth frame
-  std::array<double, 8> late{};                                      ///< seconds by which a camera's time stamps lie behind its exposures
-  std::vector<hal::CameraDescription> told{};                        ///< what the fit is told of the cameras; empty: the truth before the knock
+  int knocked = -1;                                                 ///< which camera; negative: none
+  double knocked_at = 0;                                            ///< seconds
+  fit::calibrate::Vector6 knock = fit::calibrate::Vector6::Zero();  ///< turn (rad) about the camera's own centre and shift (m), booth frame
+  std::array<double, 8> late{};                                     ///< seconds by which a camera's time stamps lie behind its exposures
+  std::vector<hal::CameraDescription> told{};                       ///< what the fit is told of the cameras; empty: the truth before the knock
 };
 
 struct DriftFrame {
   double time = 0;  ///< seconds since the beginning
   const daemon::EstimatorFitter* fitter = nullptr;
   const daemon::FrameRecord* record = nullptr;
+  double milliseconds = 0;  ///< of processor time that the fitter took, its own drift watch included
 };
+
+/// Processor time of the calling thread.
+double thread_ms();
 
 /// Fits frame after frame on one thread with all models; `each` returns false to end. Throws what the loaders throw.
 void play(const DriftScene& scene, const std::function<bool(const DriftFrame&)>& each);

@@ -31,6 +31,8 @@ struct Outcome {
   double detected = -1, false_seconds = 0, followed = 0, largest = 0, largest_ratio = 0;
   std::vector<double> displacement, ratio;
   int wrong = 0;  // other cameras that were named
+  double watch_ms = 0, watch_most_ms = 0, step_ms = 0;
+  int frames = 0;
 };
 
 Outcome watch(const DriftScene& scene, const Options& o) {
@@ -40,7 +42,16 @@ Outcome watch(const DriftScene& scene, const Options& o) {
   DriftWatch drift(drift_models().men, drift_models().women, settings);
   play(scene, [&](const DriftFrame& f) {
     if (f.fitter->result().state == fit::FitState::tracked) out.followed += 1 / 30.0;
-    if (!drift.observe(f.fitter->observation(), f.fitter->result())) return true;
+    const double before = thread_ms();
+    const bool judged = drift.observe(f.fitter->observation(), f.fitter->result());
+    const double took = thread_ms() - before;
+    if (f.record->body_accepted != 0) {
+      out.watch_ms += took;
+      out.watch_most_ms = std::max(out.watch_most_ms, took);
+      out.step_ms += f.milliseconds;
+      ++out.frames;
+    }
+    if (!judged) return true;
     for (int c = 0; c < scene.cameras; ++c) {
       const auto& camera = drift.camera(c);
       const auto& says = camera.says;
@@ -51,9 +62,10 @@ Outcome watch(const DriftScene& scene, const Options& o) {
       }
       if (o.every) {
         std::cout << fmt::format("{:6.1f} s camera {} {:6.2f} mm ({:.2f})", f.time, c, 1e3 * says.displacement, 1e3 * says.deviation);
-        std::cout << fmt::format(" turn {:6.3f} {:6.3f} {:6.3f} deg shift {:6.2f} {:6.2f} {:6.2f} mm late {:6.2f} ({:.2f}) ms missed {:.2f} residual {:.2f} {}\n",
-                                 57.3 * says.step[0], 57.3 * says.step[1], 57.3 * says.step[2], 1e3 * says.step[3], 1e3 * says.step[4], 1e3 * says.step[5],
-                                 1e3 * says.late, 1e3 * says.late_deviation, says.missed, 1e3 * static_cast<double>(f.record->residual), alarm ? "MOVED" : "");
+        std::cout << fmt::format(
+            " turn {:6.3f} {:6.3f} {:6.3f} deg shift {:6.2f} {:6.2f} {:6.2f} mm late {:6.2f} ({:.2f}) ms missed {:.2f} residual {:.2f} {}\n",
+            57.3 * says.step[0], 57.3 * says.step[1], 57.3 * says.step[2], 1e3 * says.step[3], 1e3 * says.step[4], 1e3 * says.step[5], 1e3 * says.late,
+            1e3 * says.late_deviation, says.missed, 1e3 * static_cast<double>(f.record->residual), alarm ? "MOVED" : "");
       }
       if (!alarm) continue;
       if (c == scene.knocked && f.time > scene.knocked_at) {
@@ -75,8 +87,8 @@ double quantile(std::vector<double> v, double q) {
 
 void run(const Options& o) {
   std::vector<double> displacement, ratio;
-  double followed = 0;
-  int wrong = 0;
+  double followed = 0, watch_ms = 0, watch_most_ms = 0, step_ms = 0;
+  int wrong = 0, frames = 0;
   std::mt19937_64 random(o.seed);
   const auto any = [&random] { return static_cast<double>(random() >> 11) / 4503599627370496.0 - 1; };
   const auto axis = [&] {
@@ -113,6 +125,10 @@ void run(const Options& o) {
         ratio.insert(ratio.end(), out.ratio.begin(), out.ratio.end());
         followed += out.followed;
         wrong += out.wrong;
+        watch_ms += out.watch_ms;
+        watch_most_ms = std::max(watch_most_ms, out.watch_most_ms);
+        step_ms += out.step_ms;
+        frames += out.frames;
         std::cout << fmt::format("{:<12} body {:3} {:<9} followed {:5.1f} s: others {:5.2f} mm at most, {:4.2f} deviations; {} wrong; noticed after {:.1f} s\n",
                                  k.name, body, motion, out.followed, 1e3 * quantile(out.displacement, 1), quantile(out.ratio, 1), out.wrong, out.detected)
                   << std::flush;
@@ -120,10 +136,15 @@ void run(const Options& o) {
     if (!nothing)
       std::cout << fmt::format("| {} | {} of {} | {:.1f} | {:.1f} |\n", k.name, times.size(), runs, quantile(times, 0.5), quantile(times, 1)) << std::flush;
   }
-  std::cout << fmt::format("cameras that stand: {:.0f} s followed, {} judgements: displacement 50 % {:.2f}, 95 % {:.2f}, 99 % {:.2f}, most {:.2f} mm; "
-                           "in deviations 50 % {:.2f}, 95 % {:.2f}, most {:.2f}; named wrongly in {} judgements\n",
-                           followed, displacement.size(), 1e3 * quantile(displacement, 0.5), 1e3 * quantile(displacement, 0.95), 1e3 * quantile(displacement, 0.99),
-                           1e3 * quantile(displacement, 1), quantile(ratio, 0.5), quantile(ratio, 0.95), quantile(ratio, 1), wrong);
+  std::cout << fmt::format(
+      "cameras that stand: {:.0f} s followed, {} judgements: displacement 50 % {:.2f}, 95 % {:.2f}, 99 % {:.2f}, most {:.2f} mm; "
+      "in deviations 50 % {:.2f}, 95 % {:.2f}, most {:.2f}; named wrongly in {} judgements\n",
+      followed, displacement.size(), 1e3 * quantile(displacement, 0.5), 1e3 * quantile(displacement, 0.95), 1e3 * quantile(displacement, 0.99),
+      1e3 * quantile(displacement, 1), quantile(ratio, 0.5), quantile(ratio, 0.95), quantile(ratio, 1), wrong);
+  if (frames > 0)
+    std::cout << fmt::format(
+        "processor time of the watch: {:.2f} ms a frame ({:.2f} at most), {:.1f} % of what cloud, fit and watch together take ({:.1f} ms)\n", watch_ms / frames,
+        watch_most_ms, 100 * watch_ms / step_ms, step_ms / frames);
 }
 
 }  // namespace

@@ -4,66 +4,18 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <numbers>
-
 #include "daemon/calibrate/refined_calibration.hpp"
-#include "daemon/calibrate/view_collector.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
-#include "fit/calibrate/rigid.hpp"
 #include "tests/daemon/drift/drift_scene.hpp"
+#include "tests/daemon/drift/refinement_scene.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
 
 namespace booth::tests {
 namespace {
 
 using ::testing::HasSubstr;
-constexpr double kDegree = std::numbers::pi / 180;
 
-/// The simulated booth, whose cameras stamp their frames late and are told to stand elsewhere.
-daemon::RefinementInput input_of(const std::string& motion, double seconds, const std::array<double, 4>& late) {
-  daemon::RefinementInput input;
-  input.config.cameras.synthetic.body = "test:31";
-  input.config.cameras.synthetic.motion = motion;
-  input.config.cameras.synthetic.seconds = 0;
-  input.config.fit.threads = 1;
-  input.open = [config = input.config, seconds, late] {
-    auto source = daemon::open_synthetic_source(config, seconds);
-    std::vector<double> early;
-    for (const double l : late) early.push_back(-l);
-    source.cameras = daemon::punctual_cameras(std::move(source.cameras), early);
-    return source;
-  };
-  for (const auto& camera : input.open().cameras) input.cameras.push_back(camera->description());
-  return input;
-}
-
-/// Metres between where a camera has a point of the stage and where it is.
-double error_at_stage(const hal::CameraDescription& now, const hal::CameraDescription& truth) {
-  const auto change = daemon::rigid_of(now.camera_to_world) * daemon::rigid_of(truth.camera_to_world).inverse();
-  double most = 0;
-  for (const Eigen::Vector3d p : {Eigen::Vector3d(0, 0, 0.2), Eigen::Vector3d(0.2, 0, 1), Eigen::Vector3d(0, -0.2, 1.7)}) most = std::max(most, (change * p - p).norm());
-  return most;
-}
-
-TEST(PersonRefinement, PutsRightWhatWasKnockedAndLate) {
-  auto input = input_of("showcase", 26, {0.005, -0.004, 0.003, -0.004});
-  const auto truth = input.cameras;
-  fit::calibrate::Vector6 knock;
-  knock << 0, 0.3 * kDegree, 0.5 * kDegree, 0.01, 0, -0.005;
-  input.cameras[2] = moved(input.cameras[2], knock);
-  input.passes = 4;
-  const double before = error_at_stage(input.cameras[2], truth[2]);
-  const daemon::PersonRefinement r = daemon::refine_from_person(input);
-  EXPECT_TRUE(r.better) << r.sentence;
-  EXPECT_LT(r.residual_after, r.residual_before);
-  const std::array<double, 4> late{0.005, -0.004, 0.003, -0.004};
-  for (std::size_t c = 0; c < 4; ++c) {
-    RecordProperty("error_mm_" + std::to_string(c), std::to_string(1e3 * error_at_stage(r.cameras[c], truth[c])));
-    RecordProperty("late_ms_" + std::to_string(c), std::to_string(1e3 * r.change[c].late));
-    EXPECT_LT(error_at_stage(r.cameras[c], truth[c]), 0.3 * before) << c;
-    EXPECT_NEAR(r.change[c].late, late[c], 0.003) << c;
-  }
-}
+TEST(PersonRefinement, PutsRightWhatWasKnockedAndLate) { put_right("walk", 17.5, 2, 0.4); }
 
 TEST(PersonRefinement, TooLittleIsRefused) {
   const auto input = input_of("walk", 5, {});

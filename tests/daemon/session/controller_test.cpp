@@ -145,7 +145,8 @@ TEST_F(SessionTest, ACameraThatMovedIsAnAlarmAndNoReasonToStop) {
   controller->request(SessionEvent::stop, "test");
   ASSERT_TRUE(reaches(SessionState::idle));
   std::string events;
-  for (const auto& e : session_json()["events"]) events += e["text"].get<std::string>() + "\n";
+  const json session = session_json();
+  for (const auto& e : session["events"]) events += e["text"].get<std::string>() + "\n";
   EXPECT_THAT(events, HasSubstr("camera c1 has moved"));
   EXPECT_THAT(events, HasSubstr("camera c1 stands where the calibration says"));
 }

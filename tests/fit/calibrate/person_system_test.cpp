@@ -20,9 +20,9 @@ const Eigen::Vector3d kPivot(0, 1, 0);
 /// Four cameras around somebody who turns, bends and swings arms and legs.
 struct Booth {
   std::shared_ptr<const BodyModel> model = tests::capsule_body();
-  std::array<Vector6, 4> step{};      ///< that puts each camera's points right
-  std::array<double, 4> late{};       ///< seconds
-  std::array<bool, 4> covered{};      ///< sees nothing
+  std::array<Vector6, 4> step{};         ///< that puts each camera's points right
+  std::array<double, 4> late{};          ///< seconds
+  std::array<bool, 4> covered{};         ///< sees nothing
   PoseVector pull = PoseVector::Zero();  ///< what the fitted pose is wrong by
   Poser poser{*model, model->shape_count(), model->vertex_count()};
   Observation observation{20000};
@@ -47,8 +47,12 @@ struct Booth {
 
   static PoseVector pose(double t) {
     const double w = 2 * std::numbers::pi;
-    PoseVector q = tests::pose_with({{"lhumerus_rx", 40 * std::sin(w * t)}, {"rhumerus_rx", -40 * std::sin(w * t)}, {"lfemur_rx", -25 * std::sin(w * t)},
-                                     {"rfemur_rx", 25 * std::sin(w * t)}, {"lhumerus_rz", -40 + 25 * std::sin(0.7 * w * t)}, {"root_rx", 15 * std::sin(0.4 * w * t)},
+    PoseVector q = tests::pose_with({{"lhumerus_rx", 40 * std::sin(w * t)},
+                                     {"rhumerus_rx", -40 * std::sin(w * t)},
+                                     {"lfemur_rx", -25 * std::sin(w * t)},
+                                     {"rfemur_rx", 25 * std::sin(w * t)},
+                                     {"lhumerus_rz", -40 + 25 * std::sin(0.7 * w * t)},
+                                     {"root_rx", 15 * std::sin(0.4 * w * t)},
                                      {"root_ry", 60 * std::sin(0.25 * w * t)}});
     q[0] = 0.25 * std::sin(0.5 * w * t);
     q[2] = 0.25 * std::cos(0.37 * w * t);
