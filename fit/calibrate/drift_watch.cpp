@@ -35,9 +35,11 @@ bool DriftWatch::observe(const Observation& observation, const FitResult& result
 void DriftWatch::judge() {
   system_.solve();
   int heard = 0, seeing = 0;
+  double most = 0;
   for (int c = 0; c < count_; ++c) {
     const CameraSays& says = system_.cameras()[static_cast<std::size_t>(c)];
     heard += says.deviation > 0;
+    most = std::max(most, says.displacement);
     seeing += says.moments > 0 && says.missed < 1 - limits_.missed;
   }
   ambiguous_ = heard == 2;
@@ -50,7 +52,9 @@ void DriftWatch::judge() {
     const bool known = says.deviation > 0;
     // Of two cameras each is given half of what they disagree by.
     const double displacement = ambiguous_ ? 2 * says.displacement : says.displacement;
-    const bool over = blind || (known && displacement > limits_.displacement && displacement > limits_.deviations * says.deviation);
+    // One that is far off pulls the body, and so the others, out of place: a small part of it is not their own.
+    const bool own = says.displacement > limits_.share * most;
+    const bool over = blind || (known && own && displacement > limits_.displacement && displacement > limits_.deviations * says.deviation);
     const bool under = !blind && known && displacement < limits_.cleared * limits_.displacement;
     camera.over = over ? camera.over + 1 : 0;
     camera.under = under ? camera.under + 1 : 0;

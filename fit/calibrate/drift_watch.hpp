@@ -13,7 +13,7 @@ namespace booth::fit::calibrate {
 struct DriftLimits {
   double displacement = 0.006;  ///< metres that a camera's points of a person are off, root mean square
   double deviations = 2.5;      ///< and so many of its standard deviations
-  double late = 0.008;          ///< seconds: a warning is due beyond it
+  double share = 0.35;          ///< and so much of what the camera is off that is off most
   double missed = 0.7;          ///< share of moments in which a camera saw nothing of the person: it looks elsewhere
   double memory = 7;            ///< seconds of followed motion after which a look weighs 1/e
   double evidence = 6;          ///< seconds of followed motion before anything is said
