@@ -34,6 +34,9 @@ struct CameraDescription {
   Intrinsics intrinsics;
   RigidTransform camera_to_world;  ///< into the booth frame (x forward, y left, z up)
   double depth_scale = 0.001;      ///< metres per count
+  // What a calibration found of this camera's depth: at true depth z it reads (1 + gain) z + offset metres.
+  double depth_gain = 0;
+  double depth_offset = 0;  ///< metres
   double nominal_rate = 30.0;      ///< frames per second
 };
 

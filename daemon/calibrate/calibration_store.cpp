@@ -68,11 +68,12 @@ std::string calibration_text(const CalibrationRecord& r) {
     const auto& found = c.cameras[i];
     const auto& error = c.errors.camera[i];
     camera.camera_to_world = transform_of(found.booth_from_camera);
+    camera.depth_gain = found.depth.gain, camera.depth_offset = found.depth.offset;
     out += camera_table(camera);
     out += fmt::format(
-        "depth_gain = {}\ndepth_offset = {}  # it reads (1 + gain) z + offset metres at true depth z\nposition_sd_mm = {}\nangle_sd_deg = {}\npictures = {}\n"
+        "position_sd_mm = {}\nangle_sd_deg = {}\npictures = {}\n"
         "reprojection_px = {}\ncorner_mm = {}\nplane_mm = {}\n",
-        toml_float(found.depth.gain), toml_float(found.depth.offset), toml_float(found.position_sd_mm), toml_float(found.angle_sd_deg), found.pictures,
+        toml_float(found.position_sd_mm), toml_float(found.angle_sd_deg), found.pictures,
         toml_float(error.reprojection_px), toml_float(error.corner_mm), toml_float(error.plane_mm));
   }
   return out;
@@ -88,19 +89,10 @@ StoredCalibration load_calibration(const fs::path& file) {
   StoredCalibration out;
   out.cameras = read_cameras(file);
   const toml::table root = toml::parse_file(file.string());
-  const auto* tables = root["camera"].as_array();
-  for (std::size_t i = 0; i < out.cameras.size(); ++i) {
+  for (const auto& camera : out.cameras) {
     fit::calibrate::CalibratedCamera c;
-    c.booth_from_camera = rigid_of(out.cameras[i].camera_to_world);
-    const toml::table* table = tables != nullptr ? (*tables)[i].as_table() : nullptr;
-    const auto number = [&](const char* key) {
-      if (table == nullptr || !table->contains(key)) return 0.0;
-      const auto value = (*table)[key].value<double>();
-      if (!value || !(std::abs(*value) < 0.5))
-        throw std::runtime_error(fmt::format("{}: camera {}, {} must be a number between -0.5 and 0.5", file.string(), i + 1, key));
-      return *value;
-    };
-    c.depth = {number("depth_gain"), number("depth_offset")};
+    c.booth_from_camera = rigid_of(camera.camera_to_world);
+    c.depth = {camera.depth_gain, camera.depth_offset};
     out.calibrated.push_back(c);
   }
   if (const auto square = root["calibration"]["square_mm"].value<double>(); square && *square > 1 && *square < 1000) out.square = *square / 1000;

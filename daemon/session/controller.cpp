@@ -97,6 +97,7 @@ void Controller::loop() {
     watch_backend();
     watch_panel();
     watch_credentials();
+    watch_calibration();
     const hal::MonotonicTime now = clock_.now();
     if (files_done_.exchange(false)) {
       finisher_.join();
@@ -121,13 +122,21 @@ void Controller::take_requests() {
       request = std::move(queue_.front());
       queue_.pop_front();
     }
-    const SessionOutcome outcome = machine_.handle(request.event, clock_.now());
+    const std::string no_calibration = request.event == SessionEvent::calibrate ? why_no_calibration() : "";
+    SessionOutcome outcome{.from = machine_.state(), .to = machine_.state(), .event = request.event, .action = SessionAction::none, .refusal = no_calibration};
+    if (no_calibration.empty()) outcome = machine_.handle(request.event, clock_.now());
     const std::string name(to_string(request.event));
     if (outcome.from == SessionState::idle) story_.begin();
     say_event("trigger", request.source, outcome.refusal.empty() ? name : fmt::format("{} refused: {}", name, outcome.refusal));
     apply(outcome, request.source);
     request.answer.set_value({outcome.refusal.empty(), machine_.state(), std::string(outcome.refusal)});
   }
+}
+
+/// What the table cannot know: whether there is anybody who can calibrate. What the state forbids is the table's to say.
+std::string Controller::why_no_calibration() const {
+  if (machine_.state() != SessionState::idle || machine_.latched()) return {};
+  return settings_.calibrator ? settings_.calibrator->why_not() : "this booth has no cameras that can be calibrated";
 }
 
 void Controller::take_frames() {
@@ -167,7 +176,7 @@ void Controller::watch_cameras() {
     body_known_ = machine_.body_known();
     countdown_ = machine_.countdown_left(clock_.now());
   }
-  const bool waiting = machine_.running() || machine_.state() == SessionState::countdown;
+  const bool waiting = machine_.running() || machine_.state() == SessionState::countdown || machine_.state() == SessionState::calibrating;
   if (waiting && pipeline_->all_ended()) apply(machine_.handle(SessionEvent::sources_ended, clock_.now()), "cameras");
 }
 
@@ -213,10 +222,27 @@ void Controller::watch_credentials() {
   say_event(now.empty() ? "state" : "fault", "dds", now.empty() ? "the credentials serve for long enough again" : now);
 }
 
+/// Each view is an event, and how it ended.
+void Controller::watch_calibration() {
+  if (!settings_.calibrator) return;
+  CalibrationStatus now = settings_.calibrator->status();
+  if (now.running && now.begun == calibration_said_.begun && now.views > calibration_said_.views)
+    say_event("state", "calibration", fmt::format("view {} taken (seen by {}); {}", now.views, now.seen, now.next.empty() ? "views are enough" : now.next));
+  const bool ended = !now.running && now.begun > 0 && (calibration_said_.running || now.begun != calibration_said_.begun);
+  calibration_said_ = now;
+  if (!ended) return;
+  const bool bad = now.outcome == CalibrationStatus::Outcome::refused || now.outcome == CalibrationStatus::Outcome::failed;
+  log_line(bad ? LogLevel::warning : LogLevel::info, fmt::format("calibration {}: {}", to_string(now.outcome), now.sentence));
+  say_event("state", "calibration", fmt::format("{}: {}", to_string(now.outcome), now.sentence));
+  if (machine_.state() == SessionState::calibrating) apply(machine_.handle(SessionEvent::calibration_over, clock_.now()), "calibration");
+}
+
 void Controller::apply(const SessionOutcome& outcome, const std::string& source) {
   const std::string cause(to_string(outcome.event));
   if (outcome.action == SessionAction::begin) begin_session();
   if (outcome.action == SessionAction::end) end_session(cause, std::string(to_string(outcome.from)));
+  if (outcome.action == SessionAction::calibrate) settings_.calibrator->begin(source);
+  if (outcome.action == SessionAction::cancel_calibration) settings_.calibrator->cancel();
   if (!outcome.changed()) return;
   state_.store(outcome.to, std::memory_order_release);
   const std::string text = fmt::format("{} -> {} ({})", to_string(outcome.from), to_string(outcome.to), cause);
@@ -372,6 +398,7 @@ DaemonStatus Controller::status() const {
     out.dds_problem = dds_->last_failure();
   }
   if (fitter_) out.backend = fitter_->backend();
+  if (settings_.calibrator) out.calibration = settings_.calibrator->status();
   const std::lock_guard lock(shared_mutex_);
   out.paused = paused_;
   out.latched = latched_;
@@ -382,6 +409,7 @@ DaemonStatus Controller::status() const {
   out.dds_security = settings_.dds_security;
   out.credential_problem = credential_problem_;
   out.alarm = !alarm_.empty() ? alarm_ : !panel_.problems.empty() ? panel_.problems.front() : credential_problem_;
+  if (out.alarm.empty() && out.calibration.restart) out.alarm = "a new calibration takes effect when boothd is started again";
   out.session = session_;
   out.session_folder = folder_.string();
   out.remark = remark_;

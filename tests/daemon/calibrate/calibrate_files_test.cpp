@@ -125,7 +125,7 @@ TEST(CalibrationStore, NonsenseIsNamed) {
     load_calibration(file);
     FAIL() << "a gain that is no number was taken";
   } catch (const std::runtime_error& e) {
-    EXPECT_THAT(e.what(), testing::HasSubstr("camera 1, depth_gain must be a number"));
+    EXPECT_THAT(e.what(), testing::HasSubstr("camera 'front-left' has a depth_gain outside -0.2 to 0.2"));
   }
   EXPECT_THROW(load_calibration(scratch.path / "absent.toml"), std::runtime_error);
 }
