@@ -13,12 +13,14 @@
 #include "daemon/config/toml_text.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
 #include "daemon/io/atomic_file.hpp"
+#include "daemon/io/file_bytes.hpp"
 
 namespace booth::daemon {
 namespace {
 
 namespace fs = std::filesystem;
 constexpr std::size_t kKept = 10;
+constexpr std::size_t kLargest = 1u << 20;  // bytes of a calibration
 
 /// What the backup of a file is called by: its own time where it has one, else the time it was written.
 std::string time_of(const fs::path& file) {
@@ -34,17 +36,28 @@ std::string time_of(const fs::path& file) {
   return fmt::format("{}", fs::last_write_time(file).time_since_epoch().count());
 }
 
+/// Those before it, the oldest first.
+std::vector<fs::path> backups_of(const fs::path& file) {
+  const std::string stem = file.stem().string() + ".before-";
+  std::vector<fs::path> kept;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(file.parent_path().empty() ? "." : file.parent_path(), error))
+    if (const std::string name = entry.path().filename().string(); name.starts_with(stem) && name.ends_with(".toml")) kept.push_back(entry.path());
+  std::sort(kept.begin(), kept.end());
+  return kept;
+}
+
 void keep_old(const fs::path& file) {
   std::error_code error;
   if (!fs::exists(file, error)) return;
   const std::string stem = file.stem().string() + ".before-";
   const fs::path backup = file.parent_path() / (stem + time_of(file) + ".toml");
-  fs::copy_file(file, backup, fs::copy_options::overwrite_existing, error);
-  if (error) throw std::runtime_error(fmt::format("{}: the calibration before cannot be kept ({}); nothing was changed", backup.string(), error.message()));
-  std::vector<fs::path> kept;
-  for (const auto& entry : fs::directory_iterator(file.parent_path().empty() ? "." : file.parent_path(), error))
-    if (const std::string name = entry.path().filename().string(); name.starts_with(stem) && name.ends_with(".toml")) kept.push_back(entry.path());
-  std::sort(kept.begin(), kept.end());
+  try {
+    write_file_atomically(backup, read_file_bytes(file, kLargest));
+  } catch (const std::exception& e) {
+    throw std::runtime_error(fmt::format("the calibration before cannot be kept ({}); nothing was changed", e.what()));
+  }
+  const auto kept = backups_of(file);
   for (std::size_t i = 0; i + kKept < kept.size(); ++i) fs::remove(kept[i], error);
 }
 
@@ -83,6 +96,22 @@ void store_calibration(const fs::path& file, const CalibrationRecord& record) {
   if (!record.result.accepted()) throw std::runtime_error("a calibration that was refused is not stored");
   keep_old(file);
   write_file_atomically(file, calibration_text(record));
+}
+
+fs::path restore_calibration(const fs::path& file) {
+  const auto kept = backups_of(file);
+  for (auto backup = kept.rbegin(); backup != kept.rend(); ++backup) {
+    try {
+      (void)load_calibration(*backup);
+    } catch (const std::exception&) {
+      continue;  // an older one may be whole
+    }
+    std::error_code error;
+    if (fs::exists(file, error)) write_file_atomically(fs::path(file).replace_extension(".replaced.toml"), read_file_bytes(file, kLargest));
+    write_file_atomically(file, read_file_bytes(*backup, kLargest));
+    return *backup;
+  }
+  throw std::runtime_error(fmt::format("{}: none of the {} calibrations that were kept beside it can be read; calibrate again", file.string(), kept.size()));
 }
 
 StoredCalibration load_calibration(const fs::path& file) {

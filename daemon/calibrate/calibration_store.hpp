@@ -26,6 +26,9 @@ std::string calibration_text(const CalibrationRecord& record);
 /// Replaces `file` in one step; what stood there is kept beside it as NAME.before-<its time>.toml, the last ten of those. Throws std::runtime_error.
 void store_calibration(const std::filesystem::path& file, const CalibrationRecord& record);
 
+/// Puts the newest of those that were kept and can be read in the file's place, which is kept as NAME.replaced.toml. Returns which. Throws std::runtime_error.
+std::filesystem::path restore_calibration(const std::filesystem::path& file);
+
 /// What a file says of the cameras and their depth; files without depth keys (written by hand) have none. Throws std::runtime_error naming file and key.
 struct StoredCalibration {
   std::vector<hal::CameraDescription> cameras;

@@ -50,7 +50,7 @@ CaptureCue CaptureFlow::look(const BoardLook& look) {
   }
   if (!anchor_ || moved(look)) {
     anchor_ = look;
-    return CaptureCue::hold_still;
+    if (rules_.still_seconds > 0) return CaptureCue::hold_still;
   }
   if (look.seconds - anchor_->seconds < rules_.still_seconds) return CaptureCue::hold_still;
   if (!is_new(look)) return CaptureCue::elsewhere;

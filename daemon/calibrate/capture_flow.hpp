@@ -21,7 +21,7 @@ struct BoardLook {
 };
 
 struct CaptureRules {
-  double still_seconds = 0.8;  ///< how long the board must not move
+  double still_seconds = 0.8;  ///< how long the board must not move; 0: views are taken at first sight
   // One picture tells the direction of a board to a tenth of a pixel, but its distance to centimetres and its tilt to degrees when it is seen at a slant.
   double still_direction = 0.003;  ///< radians between lines of sight to its middle
   double still_metres = 0.1;       ///< along them

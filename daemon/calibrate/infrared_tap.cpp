@@ -46,8 +46,8 @@ void InfraredTap::wrap(hal::DepthCameras& cameras) {
   }
 }
 
-void InfraredTap::open() { newest_ = std::make_shared<NewestFrames>(cameras_.size()); }
-void InfraredTap::close() { newest_ = nullptr; }
+void InfraredTap::open() { newest_.store(std::make_shared<NewestFrames>(cameras_.size())); }
+void InfraredTap::close() { newest_.store({}); }
 
 std::vector<hal::DepthFrame> InfraredTap::take(hal::Nanoseconds timeout) {
   const auto newest = newest_.load();

@@ -43,7 +43,7 @@ struct Options {
   double square_mm = 0;
   int views = 24;
   std::uint64_t seed = 1;
-  bool verify = false, json = false, live_simulation = false;
+  bool verify = false, restore = false, json = false, live_simulation = false;
   std::string keep, socket;
 };
 
@@ -350,11 +350,12 @@ void verify_from(Options o) {
 }
 
 void run(const Options& o) {
-  const int tasks = !o.print.empty() + !o.from.empty() + !o.simulate.empty();
-  if (tasks > 1) throw VerbFailure("--print, --from and --simulate exclude each other", 64);
+  const int tasks = !o.print.empty() + !o.from.empty() + !o.simulate.empty() + o.restore;
+  if (tasks > 1) throw VerbFailure("--print, --from, --simulate and --restore exclude each other", 64);
   if (o.verify && o.from.empty()) throw VerbFailure("--verify needs the views to look at: --from DIR", 64);
   const bool own = o.live_simulation || !o.keep.empty() || !o.out.empty();
   if (tasks == 0 && (own || !calibrate_through_boothd(o.socket, o.json))) calibrate_live(o);
+  if (o.restore) std::cout << fmt::format("{}: now what {} was\n", file_of(o).string(), restore_calibration(file_of(o)).filename().string());
   if (!o.print.empty()) print_board(o);
   if (!o.simulate.empty()) simulate(o);
   if (!o.from.empty()) o.verify ? verify_from(o) : calibrate_from(o);
@@ -372,6 +373,7 @@ void add_calibrate_verb(CLI::App& app) {
   verb->add_option("--from", o->from, "Folder of captured views (docs/reference/files.md)");
   verb->add_option("--out", o->out, "Calibration file to write or to verify; without it the configuration's cameras.kinect2.calibration");
   verb->add_flag("--verify", o->verify, "Only look whether the cameras still stand as the calibration says; one view is enough");
+  verb->add_flag("--restore", o->restore, "Put the calibration before in the file's place, where the present one is damaged or wrong");
   verb->add_option("--by", o->by, "Who calibrates, for the record; without it the user's name");
   verb->add_option("--pictures", o->pictures, "Folder for a picture of each view, with the corners that were found");
   verb->add_option("--keep", o->keep, "New folder for the views that are captured live, to calibrate from again");

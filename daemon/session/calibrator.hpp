@@ -20,10 +20,10 @@ struct CalibrationStatus {
   std::uint64_t begun = 0;             ///< how many since boothd began
   CaptureCue cue = CaptureCue::search;
   int views = 0;
-  std::string seen;     ///< names of the cameras that see the board now
-  std::string next;     ///< where to hold the board, or what else to do
+  std::string seen{};     ///< names of the cameras that see the board now
+  std::string next{};     ///< where to hold the board, or what else to do
   Outcome outcome = Outcome::none;
-  std::string sentence;  ///< of the last one that ended: what came of it and why
+  std::string sentence{};  ///< of the last one that ended: what came of it and why
   bool restart = false;  ///< a new calibration is stored and takes effect when boothd begins anew
 };
 const char* to_string(CalibrationStatus::Outcome outcome);
