@@ -132,7 +132,7 @@ struct PanelLinkTest : ::testing::Test {
     settings.calibrator = calibrator;
     settings.on_event = [this](const std::string& kind, const std::string& source, const std::string& text) {
       const std::lock_guard lock(events_mutex);
-      events.push_back(kind + " " + source + " " + text);
+      happened.push_back(kind + " " + source + " " + text);
     };
     controller = std::make_unique<Controller>(settings, clock);
     pipeline = std::make_unique<Pipeline>(Pipeline::Settings{.minimum_cameras = 2, .synchroniser = {}}, cameras, clock, fitter, *controller);
@@ -163,10 +163,10 @@ struct PanelLinkTest : ::testing::Test {
   FakePanel panel;
   Calibrator* calibrator = nullptr;
   std::mutex events_mutex;
-  std::vector<std::string> events;
+  std::vector<std::string> happened;
   std::vector<std::string> told() {
     const std::lock_guard lock(events_mutex);
-    return events;
+    return happened;
   }
   std::unique_ptr<PanelLink> link;
 };
@@ -236,7 +236,10 @@ TEST_F(PanelLinkTest, ALongPressBeginsACalibrationThatLightAndSoundGuide) {
   EXPECT_EQ(controller->request(SessionEvent::calibrate, "dds").text, "a calibration is running already");
   fake.end(CalibrationStatus::Outcome::stored);
   ASSERT_TRUE(reaches(SessionState::idle));
-  EXPECT_TRUE(eventually([&] { return panel.played().back() == hal::Sound::ended; }));
+  EXPECT_TRUE(eventually([&] {
+    const auto played = panel.played();
+    return !played.empty() && played.back() == hal::Sound::ended;
+  }));
   EXPECT_THAT(told(), ::testing::IsSupersetOf({"trigger gpio calibrate", "state gpio idle -> calibrating (calibrate)", "state calibration stored: as the test says",
                                                "state calibration calibrating -> idle (calibration_over)"}));
   EXPECT_TRUE(controller->request(SessionEvent::start, "control").accepted) << "and then the booth is as it was";
