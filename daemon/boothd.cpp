@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "daemon/calibrate/booth_calibration.hpp"
+#include "daemon/calibrate/configured.hpp"
 #include "daemon/calibrate/infrared_tap.hpp"
 #include "daemon/config/load.hpp"
 #include "daemon/ctl/control_protocol.hpp"
@@ -163,23 +164,6 @@ Pipeline::Settings pipeline_settings(const Config& config) {
   return out;
 }
 
-fit::calibrate::Board board_of(const Config& config) {
-  if (config.cameras.board_square_mm > 0) return {config.cameras.board_square_mm / 1000};
-  return {fit::calibrate::find_paper(config.cameras.board)->square / 1000};
-}
-
-BoothCalibrationSettings calibration_settings(const Config& config, InfraredTap& tap) {
-  BoothCalibrationSettings out;
-  out.file = config.cameras.kinect2.calibration;
-  if (config.cameras.driver != "kinect2") out.cannot = "only real Kinect v2 sensors are calibrated; cameras.driver is " + config.cameras.driver;
-  out.capture.board = board_of(config);
-  out.capture.give_up_seconds = 300;
-  out.software = "boothd " BOOTHD_VERSION;
-  out.open = [&tap] { tap.open(); };
-  out.close = [&tap] { tap.close(); };
-  return out;
-}
-
 /// Whether somebody starts boothd again when it ends with kAgain.
 bool is_supervised() {
   const char* socket = std::getenv("NOTIFY_SOCKET");
@@ -307,7 +291,7 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
   const auto recorder = open_recorder(config, source, seal_to ? seal_files(*seal_to) : hal::SealFiles{});
   InfraredTap infrared;
   infrared.wrap(source.cameras);
-  BoothCalibration calibration(calibration_settings(config, infrared), infrared, *source.clock);
+  BoothCalibration calibration(calibration_settings(config, infrared, "boothd " BOOTHD_VERSION), infrared, *source.clock);
   tap_cameras(source.cameras, *recorder);
   TappedFitter fitter(*fit.fitter, *recorder);
   Housekeeper housekeeper(housekeeping(config, *recorder, *source.clock));

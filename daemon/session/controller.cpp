@@ -133,12 +133,6 @@ void Controller::take_requests() {
   }
 }
 
-/// What the table cannot know: whether there is anybody who can calibrate. What the state forbids is the table's to say.
-std::string Controller::why_no_calibration() const {
-  if (machine_.state() != SessionState::idle || machine_.latched()) return {};
-  return settings_.calibrator ? settings_.calibrator->why_not() : "this booth has no cameras that can be calibrated";
-}
-
 void Controller::take_frames() {
   for (FrameNote note; notes_.pop(note);) {
     apply(machine_.frame(note.there, note.accepted, clock_.now()), "fit");
@@ -220,21 +214,6 @@ void Controller::watch_credentials() {
   // The sentence counts days, so that it is said again every day.
   if (!now.empty()) log_message(LogLevel::warning, Message::credentials_expire, now);
   say_event(now.empty() ? "state" : "fault", "dds", now.empty() ? "the credentials serve for long enough again" : now);
-}
-
-/// Each view is an event, and how it ended.
-void Controller::watch_calibration() {
-  if (!settings_.calibrator) return;
-  CalibrationStatus now = settings_.calibrator->status();
-  if (now.running && now.begun == calibration_said_.begun && now.views > calibration_said_.views)
-    say_event("state", "calibration", fmt::format("view {} taken (seen by {}); {}", now.views, now.seen, now.next.empty() ? "views are enough" : now.next));
-  const bool ended = !now.running && now.begun > 0 && (calibration_said_.running || now.begun != calibration_said_.begun);
-  calibration_said_ = now;
-  if (!ended) return;
-  const bool bad = now.outcome == CalibrationStatus::Outcome::refused || now.outcome == CalibrationStatus::Outcome::failed;
-  log_line(bad ? LogLevel::warning : LogLevel::info, fmt::format("calibration {}: {}", to_string(now.outcome), now.sentence));
-  say_event("state", "calibration", fmt::format("{}: {}", to_string(now.outcome), now.sentence));
-  if (machine_.state() == SessionState::calibrating) apply(machine_.handle(SessionEvent::calibration_over, clock_.now()), "calibration");
 }
 
 void Controller::apply(const SessionOutcome& outcome, const std::string& source) {

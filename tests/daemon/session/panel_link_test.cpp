@@ -158,16 +158,17 @@ struct PanelLinkTest : ::testing::Test {
   std::filesystem::path directory = folder.path;
   hal::DepthCameras cameras;
   tests::FakeFitter fitter;
-  std::unique_ptr<Controller> controller;
-  std::unique_ptr<Pipeline> pipeline;
   FakePanel panel;
-  Calibrator* calibrator = nullptr;
+  FakeCalibrator fake;
+  Calibrator* calibrator = nullptr;  ///< none, or `fake`
   std::mutex events_mutex;
   std::vector<std::string> happened;
   std::vector<std::string> told() {
     const std::lock_guard lock(events_mutex);
     return happened;
   }
+  std::unique_ptr<Controller> controller;
+  std::unique_ptr<Pipeline> pipeline;
   std::unique_ptr<PanelLink> link;
 };
 
@@ -220,7 +221,6 @@ TEST_F(PanelLinkTest, WallAndKeyboardAreOneQueue) {
 }
 
 TEST_F(PanelLinkTest, ALongPressBeginsACalibrationThatLightAndSoundGuide) {
-  FakeCalibrator fake;
   calibrator = &fake;
   build();
   panel.press(TriggerKind::calibrate);
@@ -247,7 +247,6 @@ TEST_F(PanelLinkTest, ALongPressBeginsACalibrationThatLightAndSoundGuide) {
 }
 
 TEST_F(PanelLinkTest, AShortPressAnEmergencyAndAStopEndACalibration) {
-  FakeCalibrator fake;
   calibrator = &fake;
   build();
   for (const auto kind : {TriggerKind::toggle, TriggerKind::stop, TriggerKind::emergency_pressed}) {
