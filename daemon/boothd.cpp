@@ -359,7 +359,9 @@ int run(int argc, char** argv) {
   app.add_flag("--failed-light", failed_light, "Show on the light that boothd has failed, until told to stop; boothd-failed.service does so")
       ->excludes("--check-config");
   app.set_version_flag("--version", "boothd " BOOTHD_VERSION);
-  app.footer("Exit status: 0 stopped as asked, 64 usage, 69 something needed at the start is missing, 70 internal fault, 75 to be started again with a new calibration, 78 configuration.");
+  app.footer(
+      "Exit status: 0 stopped as asked, 64 usage, 69 something needed at the start is missing, 70 internal fault, 75 to be started again with a new "
+      "calibration, 78 configuration.");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

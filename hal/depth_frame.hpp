@@ -36,8 +36,8 @@ struct CameraDescription {
   double depth_scale = 0.001;      ///< metres per count
   // What a calibration found of this camera's depth: at true depth z it reads (1 + gain) z + offset metres.
   double depth_gain = 0;
-  double depth_offset = 0;  ///< metres
-  double nominal_rate = 30.0;      ///< frames per second
+  double depth_offset = 0;     ///< metres
+  double nominal_rate = 30.0;  ///< frames per second
 };
 
 /// A slot that the pipeline owns and a camera fills: `depth` is sized once, row-major, width * height counts along z; 0 = no measurement.

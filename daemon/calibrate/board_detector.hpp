@@ -31,8 +31,8 @@ struct BoardDetection {
 /// Throws std::invalid_argument unless the picture has as many pixels as it says, 16 to 4096 each way.
 BoardDetection detect_board(const Grey16& infrared);
 
-/// The board where the caller knows it to be: `corners` are the pixels of all its inner corners to about a third of a square, in the order of their numbers. What
-/// the picture does not show there is left out; nothing when 4 x 3 corners are not left. For boards that detect_board() cannot see: squares of six pixels.
+/// The board where the caller knows it to be: `corners` are the pixels of all its inner corners to about a third of a square, in the order of their numbers.
+/// What the picture does not show there is left out; nothing when 4 x 3 corners are not left. For boards that detect_board() cannot see: squares of six pixels.
 /// Throws as detect_board().
 std::optional<fit::calibrate::Sighting> sight_board_at(const Grey16& infrared, const Eigen::Matrix2Xd& corners);
 

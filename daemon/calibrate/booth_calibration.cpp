@@ -15,9 +15,10 @@ namespace booth::daemon {
 using Outcome = CalibrationStatus::Outcome;
 
 std::string summary_of(const fit::calibrate::Calibration& c) {
-  return fmt::format("on views that the fit had not seen: corners {:.2f} px, {:.1f} mm between cameras (95 %: {:.1f}), depth {:.1f} mm off the board; origin by {}",
-                     c.errors.reprojection_px, c.errors.corner_mm, c.errors.corner_p95_mm, c.errors.plane_mm,
-                     c.origin_from_board ? "the board on the floor" : "the places that were planned");
+  return fmt::format(
+      "on views that the fit had not seen: corners {:.2f} px, {:.1f} mm between cameras (95 %: {:.1f}), depth {:.1f} mm off the board; origin by {}",
+      c.errors.reprojection_px, c.errors.corner_mm, c.errors.corner_p95_mm, c.errors.plane_mm,
+      c.origin_from_board ? "the board on the floor" : "the places that were planned");
 }
 
 BoothCalibration::BoothCalibration(BoothCalibrationSettings settings, FrameFeed& feed, hal::Clock& clock)

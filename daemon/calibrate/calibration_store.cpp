@@ -86,8 +86,8 @@ std::string calibration_text(const CalibrationRecord& r) {
     out += fmt::format(
         "position_sd_mm = {}\nangle_sd_deg = {}\npictures = {}\n"
         "reprojection_px = {}\ncorner_mm = {}\nplane_mm = {}\n",
-        toml_float(found.position_sd_mm), toml_float(found.angle_sd_deg), found.pictures,
-        toml_float(error.reprojection_px), toml_float(error.corner_mm), toml_float(error.plane_mm));
+        toml_float(found.position_sd_mm), toml_float(found.angle_sd_deg), found.pictures, toml_float(error.reprojection_px), toml_float(error.corner_mm),
+        toml_float(error.plane_mm));
   }
   return out;
 }

@@ -12,8 +12,8 @@ using fit::calibrate::Board;
 using fit::calibrate::Rigid;
 
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
-constexpr int kAcross = 4;     ///< pixels of the plan to a square
-constexpr int kHeadings = 96;  ///< a corner of the board moves by a seventh of a square from one to the next
+constexpr int kAcross = 4;         ///< pixels of the plan to a square
+constexpr int kHeadings = 96;      ///< a corner of the board moves by a seventh of a square from one to the next
 constexpr double kFarthest = 2.3;  ///< squares: half a board and what lies around it, for local brightness
 
 /// A place on the print and what is printed there: +1 white, -1 black.
@@ -70,8 +70,8 @@ std::vector<double> sums_of(const std::vector<float>& value, int side) {
   for (int y = 0; y < side; ++y)
     for (int x = 0; x < side; ++x)
       sum[static_cast<std::size_t>((y + 1) * row + x + 1)] = static_cast<double>(value[static_cast<std::size_t>(y * side + x)]) +
-                                                             sum[static_cast<std::size_t>(y * row + x + 1)] +
-                                                             sum[static_cast<std::size_t>((y + 1) * row + x)] - sum[static_cast<std::size_t>(y * row + x)];
+                                                             sum[static_cast<std::size_t>(y * row + x + 1)] + sum[static_cast<std::size_t>((y + 1) * row + x)] -
+                                                             sum[static_cast<std::size_t>(y * row + x)];
   return sum;
 }
 

@@ -172,7 +172,8 @@ class Capture {
 
   [[noreturn]] void give_up() const {
     const auto silent = feed_.silent();
-    throw std::runtime_error(fmt::format("no new view of the board for {:.0f} s{}: the calibration was given up, nothing was changed", settings_.give_up_seconds,
+    throw std::runtime_error(fmt::format("no new view of the board for {:.0f} s{}: the calibration was given up, nothing was changed",
+                                         settings_.give_up_seconds,
                                          silent.empty() ? "" : fmt::format(", and no pictures came from {}", fmt::join(silent, ", "))));
   }
 

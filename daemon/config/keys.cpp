@@ -111,8 +111,9 @@ const std::vector<ConfigKey>& table() {
        .check = check_serial},
       {.name = "cameras.kinect2.calibration",
        .slot = BOOTH_SLOT(cameras.kinect2.calibration),
-       .doc = "The calibration.toml that says where the cameras stand, and that a calibration replaces; $STATE_DIRECTORY/calibration.toml where systemd sets that "
-              "variable. Where it is not there yet, the cameras are taken to stand at the corners of a 4 m square, 1.6 m high, aimed at (0, 0, 0.95)."},
+       .doc =
+           "The calibration.toml that says where the cameras stand, and that a calibration replaces; $STATE_DIRECTORY/calibration.toml where systemd sets that "
+           "variable. Where it is not there yet, the cameras are taken to stand at the corners of a 4 m square, 1.6 m high, aimed at (0, 0, 0.95)."},
       {.name = "cameras.kinect2.cache",
        .slot = BOOTH_SLOT(cameras.kinect2.cache),
        .doc = "Folder for what was once read from each sensor (lens and phase tables); $STATE_DIRECTORY/kinect2 where systemd sets that variable.",

@@ -47,8 +47,8 @@ Json panel_json(const PanelStatus& panel) {
 }
 
 Json calibration_json(const CalibrationStatus& c) {
-  return {{"running", c.running},     {"begun", c.begun}, {"cue", to_string(c.cue)},           {"views", c.views},
-          {"seen", c.seen},           {"next", c.next},   {"outcome", to_string(c.outcome)},   {"sentence", c.sentence},
+  return {{"running", c.running}, {"begun", c.begun}, {"cue", to_string(c.cue)},         {"views", c.views},
+          {"seen", c.seen},       {"next", c.next},   {"outcome", to_string(c.outcome)}, {"sentence", c.sentence},
           {"restart", c.restart}};
 }
 

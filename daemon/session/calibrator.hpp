@@ -17,14 +17,14 @@ struct CalibrationStatus {
     failed,     ///< no pictures, no disk, nobody there
   };
   bool running = false;
-  std::uint64_t begun = 0;             ///< how many since boothd began
+  std::uint64_t begun = 0;  ///< how many since boothd began
   CaptureCue cue = CaptureCue::search;
   int views = 0;
-  std::string seen{};     ///< names of the cameras that see the board now
-  std::string next{};     ///< where to hold the board, or what else to do
+  std::string seen{};  ///< names of the cameras that see the board now
+  std::string next{};  ///< where to hold the board, or what else to do
   Outcome outcome = Outcome::none;
   std::string sentence{};  ///< of the last one that ended: what came of it and why
-  bool restart = false;  ///< a new calibration is stored and takes effect when boothd begins anew
+  bool restart = false;    ///< a new calibration is stored and takes effect when boothd begins anew
 };
 const char* to_string(CalibrationStatus::Outcome outcome);
 

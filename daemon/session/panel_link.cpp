@@ -79,7 +79,8 @@ void PanelLink::play_calibration(const CalibrationStatus& now) {
     else if (now.cue == CaptureCue::wrong_board && calibration_.cue != CaptureCue::wrong_board)
       panel_.play(hal::Sound::refused);
   }
-  if (!now.running && calibration_.running) panel_.play(now.outcome == Outcome::stored || now.outcome == Outcome::cancelled ? hal::Sound::ended : hal::Sound::refused);
+  if (!now.running && calibration_.running)
+    panel_.play(now.outcome == Outcome::stored || now.outcome == Outcome::cancelled ? hal::Sound::ended : hal::Sound::refused);
   calibration_ = now;
 }
 

@@ -34,7 +34,8 @@ constexpr std::array<std::array<Cell, kSessionStates>, kSessionEvents> kTable{{
       {S::tracking, A::none, kRunning},
       {S::searching, A::none, kRunning},
       {S::finishing, A::none, kSaving},
-      {S::countdown, A::none, kCounting}, {S::calibrating, A::none, kCalibrating}}},
+      {S::countdown, A::none, kCounting},
+      {S::calibrating, A::none, kCalibrating}}},
     /* stop: nothing has been captured in a countdown, so nothing is to be saved */
     {{{S::idle, A::none, kNothing}, kEnd, kEnd, kEnd, {S::finishing}, {S::idle}, kCancel}},
     /* toggle */
@@ -69,16 +70,17 @@ constexpr std::array<std::array<Cell, kSessionStates>, kSessionEvents> kTable{{
       {S::tracking, A::none, kInTheWay},
       {S::searching, A::none, kInTheWay},
       {S::finishing, A::none, kInTheWay},
-      {S::countdown, A::none, kInTheWay}, {S::calibrating, A::none, kCalibratingAlready}}},
+      {S::countdown, A::none, kInTheWay},
+      {S::calibrating, A::none, kCalibratingAlready}}},
     /* calibration_over */
     {{{S::idle}, {S::estimating}, {S::tracking}, {S::searching}, {S::finishing}, {S::countdown}, {S::idle}}},
 }};
 
 constexpr std::array<std::string_view, kSessionStates> kStateNames{"idle", "estimating", "tracking", "searching", "finishing", "countdown", "calibrating"};
 constexpr std::array<std::string_view, kSessionEvents> kEventNames{
-    "start",       "stop",         "toggle",        "emergency_pressed", "emergency_released", "body_accepted", "person_lost", "person_found",
-    "search_over", "session_over", "sources_ended", "files_written",     "countdown_over",     "estimate_over", "pause_over",  "calibrate",
-    "calibration_over"};
+    "start",          "stop",          "toggle",      "emergency_pressed", "emergency_released", "body_accepted",
+    "person_lost",    "person_found",  "search_over", "session_over",      "sources_ended",      "files_written",
+    "countdown_over", "estimate_over", "pause_over",  "calibrate",         "calibration_over"};
 
 }  // namespace
 

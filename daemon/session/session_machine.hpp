@@ -9,12 +9,12 @@
 namespace booth::daemon {
 
 enum class SessionState : std::uint8_t {
-  idle,        ///< nobody is captured
-  estimating,  ///< a body is being estimated
-  tracking,    ///< the body is known and followed
-  searching,   ///< the person is not there (any more)
-  finishing,   ///< the session's files are being written
-  countdown,   ///< a session was asked for and begins in a moment
+  idle,         ///< nobody is captured
+  estimating,   ///< a body is being estimated
+  tracking,     ///< the body is known and followed
+  searching,    ///< the person is not there (any more)
+  finishing,    ///< the session's files are being written
+  countdown,    ///< a session was asked for and begins in a moment
   calibrating,  ///< a person shows the calibration board to the cameras
 };
 inline constexpr int kSessionStates = 7;

@@ -23,8 +23,8 @@ std::vector<Eigen::Vector3d> centres(const BundleState& x);
 /// Cameras hang upright or nearly so, and their boards were held up: up is what is up in their pictures.
 Eigen::Vector3d rough_up(const BundleState& x);
 
-/// Booth_from_camera of every camera as well as the views so far tell it, to find a board on the floor by: z up and 0 on the measured floor, origin and front by
-/// the plan. Nothing where views do not connect all cameras, no floor is seen, or nobody knows a plan. Nothing is judged.
+/// Booth_from_camera of every camera as well as the views so far tell it, to find a board on the floor by: z up and 0 on the measured floor, origin and front
+/// by the plan. Nothing where views do not connect all cameras, no floor is seen, or nobody knows a plan. Nothing is judged.
 std::optional<std::vector<Rigid>> rough_places(const CalibrationInput& in);
 
 }  // namespace booth::fit::calibrate

@@ -280,7 +280,8 @@ void CloudBuilder::Impl::project(Band& band, CameraWork& w) {
   for (int v = band.row_begin; v < band.row_end; ++v) {
     const auto row = static_cast<std::size_t>(v) * static_cast<std::size_t>(width);
     const CameraRow in{w.depth + row,       rays.near.data() + row, rays.far.data() + row, rays.x.data() + row,
-                       rays.y.data() + row, rays.min_count,         rays.max_count,        rays.scale,          rays.offset};
+                       rays.y.data() + row, rays.min_count,         rays.max_count,        rays.scale,
+                       rays.offset};
     float* depth = w.view->depth.data() + row;
     const RowCount count = convert_row(in, plane, floor_margin, width, depth, w.view->label.data() + row, standing);
     band.raw += count.measured;

@@ -31,7 +31,8 @@ LiveCaptureSettings at_first_sight() {
 struct Booth {
   explicit Booth(double side) : person(side, 5, 32) {
     calibration = std::make_unique<BoothCalibration>(
-        BoothCalibrationSettings{.file = folder.path / "calibration.toml", .cannot = {}, .capture = at_first_sight(), .software = "boothd test", .open = {}, .close = {}},
+        BoothCalibrationSettings{
+            .file = folder.path / "calibration.toml", .cannot = {}, .capture = at_first_sight(), .software = "boothd test", .open = {}, .close = {}},
         person, person.clock);
     person.listen = [this] {
       const CalibrationStatus s = calibration->status();

@@ -153,7 +153,8 @@ TEST(BoardDetector, GlareAndPartialBoardsLoseCornersAndMoveNone) {
       const Lens lens = daemon::lens_of(booth.real[c].intrinsics);
       for (std::size_t i = 0; i < seen.sighting.corner.size(); ++i) {
         const Eigen::Vector2d truth = lens.project(pose * Board{}.corner(seen.sighting.corner[i]));
-        EXPECT_LE((seen.sighting.pixel.col(static_cast<Eigen::Index>(i)) - truth).norm(), 1.0) << hidden << ' ' << glare << " corner " << seen.sighting.corner[i];
+        EXPECT_LE((seen.sighting.pixel.col(static_cast<Eigen::Index>(i)) - truth).norm(), 1.0)
+            << hidden << ' ' << glare << " corner " << seen.sighting.corner[i];
       }
     }
   }

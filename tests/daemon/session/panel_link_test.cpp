@@ -240,8 +240,8 @@ TEST_F(PanelLinkTest, ALongPressBeginsACalibrationThatLightAndSoundGuide) {
     const auto played = panel.played();
     return !played.empty() && played.back() == hal::Sound::ended;
   }));
-  EXPECT_THAT(told(), ::testing::IsSupersetOf({"trigger gpio calibrate", "state gpio idle -> calibrating (calibrate)", "state calibration stored: as the test says",
-                                               "state calibration calibrating -> idle (calibration_over)"}));
+  EXPECT_THAT(told(), ::testing::IsSupersetOf({"trigger gpio calibrate", "state gpio idle -> calibrating (calibrate)",
+                                               "state calibration stored: as the test says", "state calibration calibrating -> idle (calibration_over)"}));
   EXPECT_TRUE(controller->request(SessionEvent::start, "control").accepted) << "and then the booth is as it was";
   ASSERT_TRUE(reaches(SessionState::tracking));
 }

@@ -23,23 +23,12 @@ TEST(SessionTable, SaysTheSameAsThisOne) {
     E event;
     const char* row;
   } rows[] = {
-      {E::start, "c e! t! s! f! c! k!"},
-      {E::stop, "i! f- f- f- f i i/"},
-      {E::toggle, "c f- f- f- f! i i/"},
-      {E::emergency_pressed, "i f- f- f- f i i/"},
-      {E::emergency_released, "i e t s f c k"},
-      {E::body_accepted, "i t t s f c k"},
-      {E::person_lost, "i s s s f c k"},
-      {E::person_found, "i e t t f c k"},
-      {E::search_over, "i e t f- f c k"},
-      {E::session_over, "i f- f- f- f c k"},
-      {E::sources_ended, "i f- f- f- f i i/"},
-      {E::files_written, "i e t s i c k"},
-      {E::countdown_over, "i e t s f e+ k"},
-      {E::estimate_over, "i f- t s f c k"},
-      {E::pause_over, "i f- f- f- f c k"},
-      {E::calibrate, "k* e! t! s! f! c! k!"},
-      {E::calibration_over, "i e t s f c i"},
+      {E::start, "c e! t! s! f! c! k!"},           {E::stop, "i! f- f- f- f i i/"},          {E::toggle, "c f- f- f- f! i i/"},
+      {E::emergency_pressed, "i f- f- f- f i i/"}, {E::emergency_released, "i e t s f c k"}, {E::body_accepted, "i t t s f c k"},
+      {E::person_lost, "i s s s f c k"},           {E::person_found, "i e t t f c k"},       {E::search_over, "i e t f- f c k"},
+      {E::session_over, "i f- f- f- f c k"},       {E::sources_ended, "i f- f- f- f i i/"},  {E::files_written, "i e t s i c k"},
+      {E::countdown_over, "i e t s f e+ k"},       {E::estimate_over, "i f- t s f c k"},     {E::pause_over, "i f- f- f- f c k"},
+      {E::calibrate, "k* e! t! s! f! c! k!"},      {E::calibration_over, "i e t s f c i"},
   };
   ASSERT_EQ(std::size(rows), static_cast<std::size_t>(kSessionEvents));
   for (const auto& [event, expected] : rows) {

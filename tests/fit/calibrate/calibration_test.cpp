@@ -154,8 +154,9 @@ TEST(Calibration, AFewMisreadPicturesAreLeftOut) {
 /// Everything that an installer can do wrong, in one table, with the sentence that he reads. Rendered pictures of the same: rendered_calibration_test.
 TEST(Calibration, EachMistakeHasItsSentence) {
   const auto nothing = [](CalibrationInput&) {};
-  const auto turned = [](const BoardBooth& truth) { return Move{2, 10, {rotation_by(Eigen::Vector3d(0, 0, kDegree)) * truth.booth_from_camera[2].rotation,
-                                                                       truth.booth_from_camera[2].translation}}; };
+  const auto turned = [](const BoardBooth& truth) {
+    return Move{2, 10, {rotation_by(Eigen::Vector3d(0, 0, kDegree)) * truth.booth_from_camera[2].rotation, truth.booth_from_camera[2].translation}};
+  };
   const struct {
     const char* mistake;
     BoardBoothSettings booth;
@@ -164,27 +165,57 @@ TEST(Calibration, EachMistakeHasItsSentence) {
     Refusal refusal;
     const char* sentence;
   } rows[] = {
-      {"a mirrored print", {}, false, [](CalibrationInput& in) { in.sightings.clear(), in.mirrored_pictures = 20; }, Refusal::mirrored_print,
+      {"a mirrored print",
+       {},
+       false,
+       [](CalibrationInput& in) { in.sightings.clear(), in.mirrored_pictures = 20; },
+       Refusal::mirrored_print,
        "the board is printed mirrored (seen so in 20 pictures)"},
-      {"another chessboard", {}, false, [](CalibrationInput& in) { in.sightings.clear(), in.foreign_pictures = 20; }, Refusal::foreign_board,
+      {"another chessboard",
+       {},
+       false,
+       [](CalibrationInput& in) { in.sightings.clear(), in.foreign_pictures = 20; },
+       Refusal::foreign_board,
        "another board was shown"},
       {"nothing shown", {}, false, [](CalibrationInput& in) { in.sightings.clear(); }, Refusal::no_board, "no camera saw the board"},
       {"squares of another size", {.square = 0.1}, false, nothing, Refusal::square_size, "by depth the board's squares measure 100"},
-      {"two serials exchanged", {}, false, [](CalibrationInput& in) { std::swap(in.expected[1], in.expected[2]); }, Refusal::cameras_swapped,
+      {"two serials exchanged",
+       {},
+       false,
+       [](CalibrationInput& in) { std::swap(in.expected[1], in.expected[2]); },
+       Refusal::cameras_swapped,
        "back-left and back-right stand in each other's places"},
       {"too few views", {.views = 5}, false, nothing, Refusal::too_few_views, "too few views: "},
-      {"a camera that sees nothing", {}, false,
-       [](CalibrationInput& in) { std::erase_if(in.sightings, [](const Sighting& s) { return s.camera == 3; }); }, Refusal::too_few_views,
+      {"a camera that sees nothing",
+       {},
+       false,
+       [](CalibrationInput& in) { std::erase_if(in.sightings, [](const Sighting& s) { return s.camera == 3; }); },
+       Refusal::too_few_views,
        "too few views: "},
       {"a camera knocked half-way", {}, true, nothing, Refusal::camera_moved, "back-right was moved before view "},
       {"glare and blur that move corners", {.corner_noise = 1.2}, false, nothing, Refusal::inaccurate, "measured on views that were held out, corners are "},
-      {"boards of which hardly anything is seen", {}, false,
+      {"boards of which hardly anything is seen",
+       {},
+       false,
        [](CalibrationInput& in) {
-         for (Sighting& s : in.sightings) s.corner.resize(std::min<std::size_t>(s.corner.size(), 4)), s.pixel.conservativeResize(2, std::min<Eigen::Index>(s.pixel.cols(), 4));
+         for (Sighting& s : in.sightings)
+           s.corner.resize(std::min<std::size_t>(s.corner.size(), 4)), s.pixel.conservativeResize(2, std::min<Eigen::Index>(s.pixel.cols(), 4));
        },
-       Refusal::no_board, "no camera saw the board"},
-      {"a stage full of things", {}, false, [](CalibrationInput& in) { for (auto& r : in.room) r.clear(); }, Refusal::no_floor, "no floor was found"},
-      {"neither a plan nor a board on the floor", {.on_floor = false}, false, [](CalibrationInput& in) { in.expected.clear(); }, Refusal::no_floor,
+       Refusal::no_board,
+       "no camera saw the board"},
+      {"a stage full of things",
+       {},
+       false,
+       [](CalibrationInput& in) {
+         for (auto& r : in.room) r.clear();
+       },
+       Refusal::no_floor,
+       "no floor was found"},
+      {"neither a plan nor a board on the floor",
+       {.on_floor = false},
+       false,
+       [](CalibrationInput& in) { in.expected.clear(); },
+       Refusal::no_floor,
        "nothing says where the stage's middle is"},
   };
   for (const auto& row : rows) {
