@@ -13,6 +13,9 @@
 #include <set>
 #include <thread>
 
+#include "daemon/calibrate/booth_calibration.hpp"
+#include "daemon/calibrate/configured.hpp"
+#include "daemon/calibrate/infrared_tap.hpp"
 #include "daemon/config/load.hpp"
 #include "daemon/ctl/control_protocol.hpp"
 #include "daemon/ctl/control_server.hpp"
@@ -44,7 +47,7 @@
 namespace booth::daemon {
 namespace {
 
-enum ExitStatus { kStopped = 0, kUsage = 64, kUnavailable = 69, kInternal = 70, kConfiguration = 78 };
+enum ExitStatus { kStopped = 0, kUsage = 64, kUnavailable = 69, kInternal = 70, kAgain = 75, kConfiguration = 78 };
 
 constexpr auto kWatchPatience = std::chrono::seconds(10);  ///< a thread that has not moved for so long hangs
 
@@ -161,6 +164,12 @@ Pipeline::Settings pipeline_settings(const Config& config) {
   return out;
 }
 
+/// Whether somebody starts boothd again when it ends with kAgain.
+bool is_supervised() {
+  const char* socket = std::getenv("NOTIFY_SOCKET");
+  return socket != nullptr && *socket != '\0';
+}
+
 /// Buttons and light, where there are any. Taken down before the session: whoever presses now is not heard any more.
 struct PanelParts {
   PanelDevice device;
@@ -168,7 +177,9 @@ struct PanelParts {
 };
 
 /// Waits for SIGTERM or SIGINT; meanwhile tells systemd that all threads move, or why not. Returns the exit status.
-ExitStatus watch(const sigset_t& signals, const Pipeline& pipeline, const Controller& controller, const PanelParts& panel, const hal::Clock& clock) {
+ExitStatus watch(const sigset_t& signals, const Pipeline& pipeline, const Controller& controller, const PanelParts& panel, const Calibrator& calibrator,
+                 const hal::Clock& clock) {
+  const bool supervised = is_supervised();
   ProgressWatch progress(kWatchPatience);
   const auto interval = watchdog_interval();
   hal::MonotonicTime next_ping{};
@@ -179,6 +190,10 @@ ExitStatus watch(const sigset_t& signals, const Pipeline& pipeline, const Contro
     if (signal == SIGTERM || signal == SIGINT) {
       log_message(LogLevel::info, Message::stopping, fmt::format("{}: stopping", signal == SIGTERM ? "SIGTERM" : "SIGINT"));
       return kStopped;
+    }
+    if (supervised && controller.state() == SessionState::idle && calibrator.status().restart) {
+      log_message(LogLevel::info, Message::stopping, "boothd begins anew, with the new calibration");
+      return kAgain;
     }
     if (signal == SIGHUP) log_line(LogLevel::warning, "SIGHUP: the configuration is read at the start only; restart boothd to apply changes");
 
@@ -274,11 +289,15 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
   }
   for (const auto& line : recover_recordings(config)) log_line(LogLevel::warning, line);
   const auto recorder = open_recorder(config, source, seal_to ? seal_files(*seal_to) : hal::SealFiles{});
+  InfraredTap infrared;
+  infrared.wrap(source.cameras);
+  BoothCalibration calibration(calibration_settings(config, infrared, "boothd " BOOTHD_VERSION), infrared, *source.clock);
   tap_cameras(source.cameras, *recorder);
   TappedFitter fitter(*fit.fitter, *recorder);
   Housekeeper housekeeper(housekeeping(config, *recorder, *source.clock));
   ControllerSettings settings = controller_settings(config, source, fit);
   settings.seal_to = seal_to;
+  settings.calibrator = &calibration;
   settings.on_event = [&](const std::string& kind, const std::string& from, const std::string& text) {
     recorder->event(kind, from, text);
     if (kind == "fault") housekeeper.fault(text);
@@ -318,7 +337,7 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
                           seal_to ? "; sessions and recordings are sealed to key " + seal_to->id() : ""));
   const auto guard = narrow_system_calls(config);
   notify_ready("idle");
-  const ExitStatus status = watch(signals, pipeline, controller, panel, *source.clock);
+  const ExitStatus status = watch(signals, pipeline, controller, panel, calibration, *source.clock);
   notify_stopping();
   if (status == kInternal) {
     save_black_box(*recorder);
@@ -340,7 +359,9 @@ int run(int argc, char** argv) {
   app.add_flag("--failed-light", failed_light, "Show on the light that boothd has failed, until told to stop; boothd-failed.service does so")
       ->excludes("--check-config");
   app.set_version_flag("--version", "boothd " BOOTHD_VERSION);
-  app.footer("Exit status: 0 stopped as asked, 64 usage, 69 something needed at the start is missing, 70 internal fault, 78 configuration.");
+  app.footer(
+      "Exit status: 0 stopped as asked, 64 usage, 69 something needed at the start is missing, 70 internal fault, 75 to be started again with a new "
+      "calibration, 78 configuration.");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -48,8 +48,29 @@ void write_picture(const std::filesystem::path& file, int width, int height, con
   drivers::write_png16(file, width, height, pixels.data());
 }
 
-SimulatedCameras simulated_cameras(std::uint64_t seed) {
-  SimulatedCameras out{drivers::camera_ring(), drivers::camera_ring()};
+namespace {
+
+/// The corners of a square of this side, aimed as in the booth of 4 m.
+std::vector<hal::CameraDescription> ring_of(double side) {
+  if (!(side >= 2 && side <= 6)) throw std::invalid_argument("the side of a simulated booth must be 2 to 6 m");
+  auto ring = drivers::camera_ring();
+  for (auto& camera : ring) {
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> rotation(camera.camera_to_world.rotation.data());
+    Eigen::Map<Eigen::Vector3d> at(camera.camera_to_world.translation.data());
+    if (side != 4) {
+      at.head<2>() *= side / 4;
+      const Eigen::Vector3d z = (Eigen::Vector3d(0, 0, 0.95) - at).normalized(), x = z.cross(Eigen::Vector3d::UnitZ()).normalized();
+      rotation << x, z.cross(x), z;
+    }
+  }
+  return ring;
+}
+
+}  // namespace
+
+SimulatedCameras simulated_cameras(std::uint64_t seed, double side) {
+  const auto ring = ring_of(side);
+  SimulatedCameras out{ring, ring};
   std::mt19937_64 random(seed);
   const auto any = [&random] { return static_cast<double>(random() >> 11) / 4503599627370496.0 - 1; };
   for (auto& camera : out.real) {
@@ -78,13 +99,13 @@ std::vector<drivers::BoardViewSettings> view_settings(const SimulatedViews& sett
 
 std::vector<fit::calibrate::Rigid> places(const SimulatedViews& settings) {
   if (settings.views < 1 || settings.views > 900) throw std::invalid_argument("simulated views must be 1 to 900");
-  return drivers::board_places({.views = settings.views, .seed = settings.seed});
+  return drivers::board_places({.views = settings.views, .reach = settings.side / 8, .seed = settings.seed});
 }
 
 }  // namespace
 
 std::function<std::vector<hal::DepthFrame>(int view)> simulated_views(const SimulatedViews& settings) {
-  const SimulatedCameras cameras = simulated_cameras(settings.seed);
+  const SimulatedCameras cameras = simulated_cameras(settings.seed, settings.side);
   const auto how = view_settings(settings, cameras.real.size());
   const auto booth = std::make_shared<std::vector<drivers::BoardCamera>>();
   for (std::size_t c = 0; c < cameras.real.size(); ++c) booth->emplace_back(cameras.real[c], static_cast<int>(c), how[c]);
@@ -101,7 +122,7 @@ std::function<std::vector<hal::DepthFrame>(int view)> simulated_views(const Simu
 }
 
 SimulatedCalibration open_simulated_calibration(const SimulatedViews& settings, double rate) {
-  const SimulatedCameras cameras = simulated_cameras(settings.seed);
+  const SimulatedCameras cameras = simulated_cameras(settings.seed, settings.side);
   const auto installer = std::make_shared<drivers::SimulatedInstaller>(fit::calibrate::Board{settings.square}, places(settings));
   SimulatedCalibration out;
   out.clock = std::make_shared<drivers::SystemClock>();

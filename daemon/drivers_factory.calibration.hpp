@@ -34,12 +34,13 @@ struct SimulatedViews {
   int views = 24;         ///< held up; one more lies on the floor
   std::string noise = "kinect2";
   std::uint64_t seed = 1;
+  double side = 4;  ///< metres between neighbouring cameras
 };
 /// The cameras as the plan has them (the first vector) and as they really hang, some centimetres and degrees beside it (the second).
 struct SimulatedCameras {
   std::vector<hal::CameraDescription> planned, real;
 };
-SimulatedCameras simulated_cameras(std::uint64_t seed);
+SimulatedCameras simulated_cameras(std::uint64_t seed, double side = 4);
 /// Gives the frames of a view, infrared included, one for each camera; views are numbered from 0 to `views` (the last one: on the floor). One thread at a
 /// time. Throws std::invalid_argument naming the setting.
 std::function<std::vector<hal::DepthFrame>(int view)> simulated_views(const SimulatedViews& settings);

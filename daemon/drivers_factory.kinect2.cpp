@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <mutex>
 #include <set>
 #include <stdexcept>
@@ -35,6 +36,7 @@ struct Position {
   std::string name, serial;
   hal::RigidTransform camera_to_world;
   double late = 0;  ///< seconds
+  double depth_gain = 0, depth_offset = 0;
 };
 
 std::string found_serials(drivers::usb::Bus& bus) {
@@ -48,13 +50,17 @@ std::string found_serials(drivers::usb::Bus& bus) {
 
 std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus) {
   const auto& kinect = config.cameras.kinect2;
-  const bool calibrated = !kinect.calibration.empty();
+  std::error_code unreadable;
+  const bool calibrated = !kinect.calibration.empty() && (std::filesystem::exists(kinect.calibration, unreadable) || unreadable);
   const auto nobody_named = [&] {
     return std::runtime_error("cameras.kinect2.serials is empty: name the sensors in the order of their positions (" + found_serials(bus) + ")");
   };
   if (!calibrated && kinect.serials.empty()) throw nobody_named();
   const auto places = calibrated ? drivers::read_calibration(kinect.calibration) : drivers::camera_ring(static_cast<int>(kinect.serials.size()));
   if (kinect.serials.empty() && std::any_of(places.begin(), places.end(), [](const auto& p) { return p.serial.empty(); })) throw nobody_named();
+  if (!calibrated)
+    log_line(LogLevel::warning, fmt::format("{}the cameras are taken to stand at the corners of the default booth: calibrate them (boothctl calibrate)",
+                                            kinect.calibration.empty() ? "" : kinect.calibration + " is not there yet: "));
   if (!kinect.serials.empty() && places.size() != kinect.serials.size())
     throw std::runtime_error(
         fmt::format("cameras.kinect2.serials names {} sensors, {} has {} positions", kinect.serials.size(), kinect.calibration, places.size()));
@@ -64,6 +70,8 @@ std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus) {
     out.push_back({.name = places[i].name,
                    .serial = kinect.serials.empty() ? places[i].serial : kinect.serials[i],
                    .camera_to_world = places[i].camera_to_world,
+                   .depth_gain = places[i].depth_gain,
+                   .depth_offset = places[i].depth_offset,
                    .late = late[i]});
   for (std::size_t i = 0; i < out.size(); ++i)
     for (std::size_t j = 0; j < i; ++j)
@@ -88,6 +96,8 @@ hal::DepthCameras make_cameras(const Config& config, const kinect2::KinectShared
                                                                              .serial = position.serial,
                                                                              .name = position.name,
                                                                              .camera_to_world = position.camera_to_world,
+                                                                             .depth_gain = position.depth_gain,
+                                                                             .depth_offset = position.depth_offset,
                                                                              .transfers = static_cast<int>(kinect.transfers),
                                                                              .colour = kinect.colour,
                                                                              .nominal_rate = rate,

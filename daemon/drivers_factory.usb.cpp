@@ -20,7 +20,9 @@ double usbfs_bytes(const Config& config) {
 
 std::vector<std::string> configured_serials(const Config& config) {
   const auto& kinect = config.cameras.kinect2;
-  if (!kinect.serials.empty() || kinect.calibration.empty()) return kinect.serials;
+  std::error_code unreadable;
+  const bool calibrated = !kinect.calibration.empty() && (std::filesystem::exists(kinect.calibration, unreadable) || unreadable);
+  if (!kinect.serials.empty() || !calibrated) return kinect.serials;
   std::vector<std::string> out;
   for (const auto& camera : drivers::read_calibration(kinect.calibration)) out.push_back(camera.serial);
   return out;

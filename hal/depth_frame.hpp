@@ -34,7 +34,10 @@ struct CameraDescription {
   Intrinsics intrinsics;
   RigidTransform camera_to_world;  ///< into the booth frame (x forward, y left, z up)
   double depth_scale = 0.001;      ///< metres per count
-  double nominal_rate = 30.0;      ///< frames per second
+  // What a calibration found of this camera's depth: at true depth z it reads (1 + gain) z + offset metres.
+  double depth_gain = 0;
+  double depth_offset = 0;     ///< metres
+  double nominal_rate = 30.0;  ///< frames per second
 };
 
 /// A slot that the pipeline owns and a camera fills: `depth` is sized once, row-major, width * height counts along z; 0 = no measurement.

@@ -248,10 +248,20 @@ void refine_and_grow(const cv::Mat& grey, std::vector<int>& ids, std::vector<cv:
   }
 }
 
+fit::calibrate::Sighting sighting_of(std::vector<int> ids, const std::vector<cv::Point2f>& at) {
+  fit::calibrate::Sighting out;
+  out.corner = std::move(ids);
+  out.pixel.resize(2, static_cast<Eigen::Index>(at.size()));
+  for (std::size_t i = 0; i < at.size(); ++i) out.pixel.col(static_cast<Eigen::Index>(i)) = Eigen::Vector2d(at[i].x, at[i].y);
+  return out;
+}
+
 }  // namespace
 
 BoardDetection detect_board(const Grey16& infrared) {
   check(infrared);
+  // Pictures are looked at side by side already; and a daemon that has narrowed its system calls may not load a library's threads.
+  [[maybe_unused]] static const bool on_one_thread = (cv::setNumThreads(0), true);
   const cv::Mat smooth = compressed(infrared);
   BoardDetection out;
   if (!may_hold_board(smooth)) return out;
@@ -278,12 +288,24 @@ BoardDetection detect_board(const Grey16& infrared) {
     refine_and_grow(smooth, ids, at);
     if (ids.size() < static_cast<std::size_t>(kLeastColumns * kLeastRows)) continue;
     out.kind = BoardDetection::Kind::board;
-    out.sighting.corner = ids;
-    out.sighting.pixel.resize(2, static_cast<Eigen::Index>(at.size()));
-    for (std::size_t i = 0; i < at.size(); ++i) out.sighting.pixel.col(static_cast<Eigen::Index>(i)) = Eigen::Vector2d(at[i].x, at[i].y);
+    out.sighting = sighting_of(std::move(ids), at);
     return out;
   }
   return out;
+}
+
+std::optional<fit::calibrate::Sighting> sight_board_at(const Grey16& infrared, const Eigen::Matrix2Xd& corners) {
+  check(infrared);
+  if (corners.cols() != Board::kCorners || !corners.allFinite() || corners.cwiseAbs().maxCoeff() > 1e5) return std::nullopt;
+  std::vector<int> ids;
+  std::vector<cv::Point2f> at;
+  for (int id = 0; id < Board::kCorners; ++id) {
+    ids.push_back(id);
+    at.emplace_back(static_cast<float>(corners(0, id)), static_cast<float>(corners(1, id)));
+  }
+  refine_and_grow(compressed(infrared), ids, at);
+  if (ids.size() < static_cast<std::size_t>(kLeastColumns * kLeastRows)) return std::nullopt;
+  return sighting_of(std::move(ids), at);
 }
 
 void add_board_depth(const Grey16& depth, double metres, const fit::calibrate::Lens& lens, const Board& board, fit::calibrate::Sighting& sighting) {

@@ -13,12 +13,14 @@
 #include "daemon/config/toml_text.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
 #include "daemon/io/atomic_file.hpp"
+#include "daemon/io/file_bytes.hpp"
 
 namespace booth::daemon {
 namespace {
 
 namespace fs = std::filesystem;
 constexpr std::size_t kKept = 10;
+constexpr std::size_t kLargest = 1u << 20;  // bytes of a calibration
 
 /// What the backup of a file is called by: its own time where it has one, else the time it was written.
 std::string time_of(const fs::path& file) {
@@ -34,17 +36,28 @@ std::string time_of(const fs::path& file) {
   return fmt::format("{}", fs::last_write_time(file).time_since_epoch().count());
 }
 
+/// Those before it, the oldest first.
+std::vector<fs::path> backups_of(const fs::path& file) {
+  const std::string stem = file.stem().string() + ".before-";
+  std::vector<fs::path> kept;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(file.parent_path().empty() ? "." : file.parent_path(), error))
+    if (const std::string name = entry.path().filename().string(); name.starts_with(stem) && name.ends_with(".toml")) kept.push_back(entry.path());
+  std::sort(kept.begin(), kept.end());
+  return kept;
+}
+
 void keep_old(const fs::path& file) {
   std::error_code error;
   if (!fs::exists(file, error)) return;
   const std::string stem = file.stem().string() + ".before-";
   const fs::path backup = file.parent_path() / (stem + time_of(file) + ".toml");
-  fs::copy_file(file, backup, fs::copy_options::overwrite_existing, error);
-  if (error) throw std::runtime_error(fmt::format("{}: the calibration before cannot be kept ({}); nothing was changed", backup.string(), error.message()));
-  std::vector<fs::path> kept;
-  for (const auto& entry : fs::directory_iterator(file.parent_path().empty() ? "." : file.parent_path(), error))
-    if (const std::string name = entry.path().filename().string(); name.starts_with(stem) && name.ends_with(".toml")) kept.push_back(entry.path());
-  std::sort(kept.begin(), kept.end());
+  try {
+    write_file_atomically(backup, read_file_bytes(file, kLargest));
+  } catch (const std::exception& e) {
+    throw std::runtime_error(fmt::format("the calibration before cannot be kept ({}); nothing was changed", e.what()));
+  }
+  const auto kept = backups_of(file);
   for (std::size_t i = 0; i + kKept < kept.size(); ++i) fs::remove(kept[i], error);
 }
 
@@ -68,12 +81,13 @@ std::string calibration_text(const CalibrationRecord& r) {
     const auto& found = c.cameras[i];
     const auto& error = c.errors.camera[i];
     camera.camera_to_world = transform_of(found.booth_from_camera);
+    camera.depth_gain = found.depth.gain, camera.depth_offset = found.depth.offset;
     out += camera_table(camera);
     out += fmt::format(
-        "depth_gain = {}\ndepth_offset = {}  # it reads (1 + gain) z + offset metres at true depth z\nposition_sd_mm = {}\nangle_sd_deg = {}\npictures = {}\n"
+        "position_sd_mm = {}\nangle_sd_deg = {}\npictures = {}\n"
         "reprojection_px = {}\ncorner_mm = {}\nplane_mm = {}\n",
-        toml_float(found.depth.gain), toml_float(found.depth.offset), toml_float(found.position_sd_mm), toml_float(found.angle_sd_deg), found.pictures,
-        toml_float(error.reprojection_px), toml_float(error.corner_mm), toml_float(error.plane_mm));
+        toml_float(found.position_sd_mm), toml_float(found.angle_sd_deg), found.pictures, toml_float(error.reprojection_px), toml_float(error.corner_mm),
+        toml_float(error.plane_mm));
     if (i < r.late.size() && r.late[i] != 0)
       out += fmt::format("time_offset_ms = {}  # its time stamps lie so far behind its exposures\n", toml_float(1e3 * r.late[i]));
   }
@@ -113,23 +127,30 @@ void replace_calibration(const fs::path& file, const std::string& text) {
   write_file_atomically(file, text);
 }
 
+fs::path restore_calibration(const fs::path& file) {
+  const auto kept = backups_of(file);
+  for (auto backup = kept.rbegin(); backup != kept.rend(); ++backup) {
+    try {
+      (void)load_calibration(*backup);
+    } catch (const std::exception&) {
+      continue;  // an older one may be whole
+    }
+    std::error_code error;
+    if (fs::exists(file, error)) write_file_atomically(fs::path(file).replace_extension(".replaced.toml"), read_file_bytes(file, kLargest));
+    write_file_atomically(file, read_file_bytes(*backup, kLargest));
+    return *backup;
+  }
+  throw std::runtime_error(fmt::format("{}: none of the {} calibrations that were kept beside it can be read; calibrate again", file.string(), kept.size()));
+}
+
 StoredCalibration load_calibration(const fs::path& file) {
   StoredCalibration out;
   out.cameras = read_cameras(file);
   const toml::table root = toml::parse_file(file.string());
-  const auto* tables = root["camera"].as_array();
-  for (std::size_t i = 0; i < out.cameras.size(); ++i) {
+  for (const auto& camera : out.cameras) {
     fit::calibrate::CalibratedCamera c;
-    c.booth_from_camera = rigid_of(out.cameras[i].camera_to_world);
-    const toml::table* table = tables != nullptr ? (*tables)[i].as_table() : nullptr;
-    const auto number = [&](const char* key) {
-      if (table == nullptr || !table->contains(key)) return 0.0;
-      const auto value = (*table)[key].value<double>();
-      if (!value || !(std::abs(*value) < 0.5))
-        throw std::runtime_error(fmt::format("{}: camera {}, {} must be a number between -0.5 and 0.5", file.string(), i + 1, key));
-      return *value;
-    };
-    c.depth = {number("depth_gain"), number("depth_offset")};
+    c.booth_from_camera = rigid_of(camera.camera_to_world);
+    c.depth = {camera.depth_gain, camera.depth_offset};
     out.calibrated.push_back(c);
   }
   if (const auto square = root["calibration"]["square_mm"].value<double>(); square && *square > 1 && *square < 1000) out.square = *square / 1000;

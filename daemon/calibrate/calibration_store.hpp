@@ -31,6 +31,9 @@ void store_calibration(const std::filesystem::path& file, const CalibrationRecor
 /// The same with a text that was made otherwise.
 void replace_calibration(const std::filesystem::path& file, const std::string& text);
 
+/// Puts the newest of those that were kept and can be read in the file's place, which is kept as NAME.replaced.toml. Returns which. Throws std::runtime_error.
+std::filesystem::path restore_calibration(const std::filesystem::path& file);
+
 /// What a file says of the cameras and their depth; files without depth keys (written by hand) have none. Throws std::runtime_error naming file and key.
 struct StoredCalibration {
   std::vector<hal::CameraDescription> cameras;

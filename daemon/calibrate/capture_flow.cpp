@@ -21,24 +21,6 @@ bool at_rest(const Rigid& a, const Rigid& b, const CaptureRules& rules) {
 
 }  // namespace
 
-std::string_view to_string(CaptureCue cue) {
-  switch (cue) {
-    case CaptureCue::search:
-      return "search";
-    case CaptureCue::hold_still:
-      return "hold-still";
-    case CaptureCue::elsewhere:
-      return "elsewhere";
-    case CaptureCue::captured:
-      return "captured";
-    case CaptureCue::wrong_board:
-      return "wrong-board";
-    case CaptureCue::done:
-      return "done";
-  }
-  return "unknown";
-}
-
 /// A camera that saw the board where it came to rest sees it elsewhere now, or none of those cameras sees it any more.
 bool CaptureFlow::moved(const BoardLook& look) const {
   bool still = false;
@@ -68,7 +50,7 @@ CaptureCue CaptureFlow::look(const BoardLook& look) {
   }
   if (!anchor_ || moved(look)) {
     anchor_ = look;
-    return CaptureCue::hold_still;
+    if (rules_.still_seconds > 0) return CaptureCue::hold_still;
   }
   if (look.seconds - anchor_->seconds < rules_.still_seconds) return CaptureCue::hold_still;
   if (!is_new(look)) return CaptureCue::elsewhere;

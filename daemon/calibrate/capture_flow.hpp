@@ -1,11 +1,10 @@
 // When a view is worth taking, and what to tell the person who holds the board: a pure function of what the cameras see.
 #pragma once
 
-#include <cstdint>
 #include <optional>
-#include <string_view>
 #include <vector>
 
+#include "daemon/calibrate/capture_cue.hpp"
 #include "fit/calibrate/rigid.hpp"
 
 namespace booth::daemon {
@@ -21,19 +20,8 @@ struct BoardLook {
   bool wrong_board = false;  ///< mirrored or foreign
 };
 
-/// What the person hears and sees.
-enum class CaptureCue : std::uint8_t {
-  search,       ///< no two cameras see the board
-  hold_still,   ///< they do, and it moves
-  elsewhere,    ///< it is still, at a place that was taken already
-  captured,     ///< a view was taken
-  wrong_board,  ///< a board, not ours
-  done,         ///< views are enough
-};
-std::string_view to_string(CaptureCue cue);
-
 struct CaptureRules {
-  double still_seconds = 0.8;  ///< how long the board must not move
+  double still_seconds = 0.8;  ///< how long the board must not move; 0: views are taken at first sight
   // One picture tells the direction of a board to a tenth of a pixel, but its distance to centimetres and its tilt to degrees when it is seen at a slant.
   double still_direction = 0.003;  ///< radians between lines of sight to its middle
   double still_metres = 0.1;       ///< along them

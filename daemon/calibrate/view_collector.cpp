@@ -4,12 +4,20 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <set>
+#include <future>
+#include <limits>
 #include <stdexcept>
+
+#include "daemon/calibrate/floor_board.hpp"
+#include "fit/calibrate/arrangement.hpp"
 
 namespace booth::daemon {
 
 using namespace fit::calibrate;
+
+namespace {
+constexpr double kAnyRms = std::numeric_limits<double>::infinity();
+}
 
 Rigid rigid_of(const hal::RigidTransform& t) {
   Rigid out;
@@ -40,7 +48,6 @@ ViewCollector::ViewCollector(std::vector<hal::CameraDescription> cameras, const 
 }
 
 FoundBoards ViewCollector::find(const std::vector<ViewPicture>& pictures) const {
-  FoundBoards out;
   for (const ViewPicture& p : pictures) {
     if (p.camera < 0 || p.camera >= static_cast<int>(cameras_.size())) throw std::invalid_argument(fmt::format("there is no camera {}", p.camera));
     const auto c = static_cast<std::size_t>(p.camera);
@@ -48,15 +55,80 @@ FoundBoards ViewCollector::find(const std::vector<ViewPicture>& pictures) const 
     if (p.infrared.width != lens.width || p.infrared.height != lens.height)
       throw std::invalid_argument(
           fmt::format("{}: a picture has {} x {} pixels, the camera {} x {}", cameras_[c].name, p.infrared.width, p.infrared.height, lens.width, lens.height));
-    BoardDetection found = detect_board(p.infrared);
+  }
+  std::vector<std::future<BoardDetection>> looks;
+  for (const ViewPicture& p : pictures) looks.push_back(std::async(std::launch::async, [&p] { return detect_board(p.infrared); }));
+  FoundBoards out;
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    BoardDetection found = looks[i].get();
     out.mirrored += found.kind == BoardDetection::Kind::mirrored;
     out.foreign += found.kind == BoardDetection::Kind::foreign;
-    if (found.kind != BoardDetection::Kind::board) continue;
-    found.sighting.camera = p.camera;
-    if (!p.depth.pixels.empty()) add_board_depth(p.depth, cameras_[c].depth_scale, lens, input_.board, found.sighting);
-    if (const auto pose = pose_of_board(lens, input_.board, found.sighting)) out.boards.push_back({std::move(found.sighting), *pose});
+    if (found.kind == BoardDetection::Kind::board) take(pictures[i], std::move(found.sighting), kAnyRms, out);
   }
   return out;
+}
+
+/// A sighting with its depth and pose; not taken when it has none or fits it worse than `most_rms` pixels.
+void ViewCollector::take(const ViewPicture& picture, Sighting sighting, double most_rms, FoundBoards& out) const {
+  const auto c = static_cast<std::size_t>(picture.camera);
+  sighting.camera = picture.camera;
+  if (!picture.depth.pixels.empty()) add_board_depth(picture.depth, cameras_[c].depth_scale, input_.lenses[c], input_.board, sighting);
+  if (const auto pose = pose_of_board(input_.lenses[c], input_.board, sighting); pose && pose->rms_px <= most_rms)
+    out.boards.push_back({std::move(sighting), *pose});
+}
+
+const std::optional<std::vector<Rigid>>& ViewCollector::places() const {
+  if (placed_from_ != input_.sightings.size()) {
+    places_ = rough_places(input_);
+    placed_from_ = input_.sightings.size();
+  }
+  return places_;
+}
+
+FoundBoards ViewCollector::find_on_floor(const std::vector<ViewPicture>& pictures, FoundBoards found) const {
+  constexpr double kLikeness = 0.5, kMostRms = 0.6;
+  const auto& where = places();
+  if (!where) return found;
+  std::vector<FloorPicture> floor;
+  for (const ViewPicture& p : pictures) {
+    const auto c = static_cast<std::size_t>(p.camera);
+    floor.push_back({p.infrared, input_.lenses[c], (*where)[c].inverse()});
+  }
+  const auto board = find_board_on_floor(floor, input_.board);
+  if (!board) return found;
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    const auto seen = [&](const FoundBoards::Board& b) { return b.sighting.camera == pictures[i].camera; };
+    if (board->likeness[i] < kLikeness || std::any_of(found.boards.begin(), found.boards.end(), seen)) continue;
+    const Rigid pose = floor[i].camera_from_floor * board->floor_from_board;
+    Eigen::Matrix2Xd corners(2, Board::kCorners);
+    for (int id = 0; id < Board::kCorners; ++id) corners.col(id) = floor[i].lens.project(pose * input_.board.corner(id));
+    if (auto sighting = sight_board_at(pictures[i].infrared, corners)) take(pictures[i], std::move(*sighting), kMostRms, found);
+  }
+  return found;
+}
+
+int ViewCollector::seen_in(int view) const {
+  return static_cast<int>(std::count_if(input_.sightings.begin(), input_.sightings.end(), [&](const Sighting& s) { return s.view == view; }));
+}
+
+bool ViewCollector::saw(int view, int camera) const {
+  return std::any_of(input_.sightings.begin(), input_.sightings.end(), [&](const Sighting& s) { return s.view == view && s.camera == camera; });
+}
+
+void ViewCollector::keep(int view, FoundBoards& found) {
+  for (auto& board : found.boards) {
+    board.sighting.view = view;
+    poses_.push_back(board.pose);
+    input_.sightings.push_back(std::move(board.sighting));
+  }
+  update_progress();
+}
+
+void ViewCollector::update_progress() {
+  int common = 0;
+  for (int v = 0; v < input_.views; ++v) common += seen_in(v) >= 2;
+  const int cameras = static_cast<int>(cameras_.size());
+  progress_ = progress(cameras, camera_pairs(cameras, input_.sightings, poses_), common, input_.needs, neighbours());
 }
 
 ViewReport ViewCollector::add(const std::vector<ViewPicture>& pictures, FoundBoards found) {
@@ -71,24 +143,18 @@ ViewReport ViewCollector::add(const std::vector<ViewPicture>& pictures, FoundBoa
       const auto room = room_depth(p.depth, cameras_[c].depth_scale, input_.lenses[c], kRoomSamples);
       input_.room[c].insert(input_.room[c].end(), room.begin(), room.end());
     }
-  for (auto& board : found.boards) {
-    board.sighting.view = view;
-    report.seen.push_back(board.sighting.camera);
-    poses_.push_back(board.pose);
-    input_.sightings.push_back(std::move(board.sighting));
-  }
+  for (const auto& board : found.boards) report.seen.push_back(board.sighting.camera);
   report.mirrored = found.mirrored, report.foreign = found.foreign;
   input_.mirrored_pictures += report.mirrored;
   input_.foreign_pictures += report.foreign;
-  std::multiset<int> views;
-  for (const Sighting& s : input_.sightings) views.insert(s.view);
-  int common = 0;
-  for (int v = 0; v < input_.views; ++v) common += views.count(v) >= 2;
-  const int cameras = static_cast<int>(cameras_.size());
-  const auto near = neighbours();
-  progress_ = progress(cameras, camera_pairs(cameras, input_.sightings, poses_), common, input_.needs, near);
+  keep(view, found);
   report.progress = progress_;
   return report;
+}
+
+void ViewCollector::add_to_view(int view, FoundBoards found) {
+  if (view < 0 || view >= input_.views) throw std::invalid_argument(fmt::format("there is no view {}", view));
+  keep(view, found);
 }
 
 /// For each camera the two nearest by plan.

@@ -18,9 +18,11 @@ struct Config {
   struct {
     std::string driver = "synthetic";
     std::int64_t minimum = 2;
+    std::string board = "a1";
+    double board_square_mm = 0;
     struct {
       std::vector<std::string> serials;
-      std::string calibration;
+      std::string calibration = "/var/lib/boothd/calibration.toml";
       std::string cache = "/var/lib/boothd/kinect2";
       std::int64_t transfers = 24;
       bool colour = false;

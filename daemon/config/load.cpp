@@ -187,6 +187,7 @@ Loader collect(const ConfigSources& sources) {
   if (const char* state = std::getenv("STATE_DIRECTORY"); state && *state) {
     loader.config.session.directory = std::string(state) + "/sessions";
     loader.config.record.directory = std::string(state) + "/recordings";
+    loader.config.cameras.kinect2.calibration = std::string(state) + "/calibration.toml";
     loader.config.cameras.kinect2.cache = std::string(state) + "/kinect2";
     loader.config.dds.self_issued = std::string(state) + "/security";
   }

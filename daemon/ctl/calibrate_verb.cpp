@@ -20,6 +20,7 @@
 #include "daemon/calibrate/view_collector.hpp"
 #include "daemon/calibrate/view_folder.hpp"
 #include "daemon/config/load.hpp"
+#include "daemon/ctl/calibrate_through.hpp"
 #include "daemon/ctl/from_person.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
@@ -43,8 +44,8 @@ struct Options {
   double square_mm = 0;
   int views = 24;
   std::uint64_t seed = 1;
-  bool verify = false, json = false, live_simulation = false;
-  std::string keep;
+  bool verify = false, restore = false, json = false, live_simulation = false;
+  std::string keep, socket;
   std::string from_person;
   bool dry_run = false;
 };
@@ -133,6 +134,29 @@ void draw_view(const Options& o, const ViewFolder& folder, int view, const std::
   if (!pictures.empty()) write_png(fs::path(o.pictures) / fmt::format("view-{:03}.png", view), Picture::beside(pictures));
 }
 
+std::vector<ViewPicture> pictures_of(const ViewFolder& folder, const std::vector<hal::DepthFrame>& frames) {
+  std::vector<ViewPicture> out;
+  for (const auto& f : frames) {
+    const int c = hal::to_int(f.camera);
+    const auto& k = folder.cameras[static_cast<std::size_t>(c)].intrinsics;
+    out.push_back({c, {k.width, k.height, f.infrared}, {f.depth.empty() ? 0 : k.width, f.depth.empty() ? 0 : k.height, f.depth}});
+  }
+  return out;
+}
+
+/// Once the other views tell where the floor is: views that hardly a camera saw the board in may show it lying there.
+void look_on_floor(const ViewFolder& folder, ViewCollector& collector, bool talk) {
+  for (int v = 0; v < folder.views; ++v) {
+    if (collector.seen_in(v) >= 2) continue;
+    const auto frames = read_view(folder, v);
+    FoundBoards found = collector.find_on_floor(pictures_of(folder, frames), {});
+    if (found.boards.size() < 2) continue;
+    if (talk) std::cerr << fmt::format("view {:3} of {}: the board lies on the floor, seen by {} cameras\n", v + 1, folder.views, found.boards.size());
+    std::erase_if(found.boards, [&](const auto& b) { return collector.saw(v, b.sighting.camera); });
+    collector.add_to_view(v, std::move(found));
+  }
+}
+
 /// All views of a folder, with a line each on a terminal.
 ViewCollector collect(const Options& o, std::vector<hal::CameraDescription> cameras, const ViewFolder& folder) {
   ViewCollector collector(std::move(cameras), board_of(o));
@@ -140,13 +164,7 @@ ViewCollector collect(const Options& o, std::vector<hal::CameraDescription> came
   const bool talk = ::isatty(STDERR_FILENO) != 0 && !o.json;
   for (int v = 0; v < folder.views; ++v) {
     const auto frames = read_view(folder, v);
-    std::vector<ViewPicture> pictures;
-    for (const auto& f : frames) {
-      const int c = hal::to_int(f.camera);
-      const auto& k = folder.cameras[static_cast<std::size_t>(c)].intrinsics;
-      pictures.push_back({c, {k.width, k.height, f.infrared}, {f.depth.empty() ? 0 : k.width, f.depth.empty() ? 0 : k.height, f.depth}});
-    }
-    const ViewReport report = collector.add(pictures);
+    const ViewReport report = collector.add(pictures_of(folder, frames));
     if (!o.pictures.empty()) draw_view(o, folder, v, frames, collector);
     if (!talk) continue;
     std::string seen;
@@ -157,6 +175,7 @@ ViewCollector collect(const Options& o, std::vector<hal::CameraDescription> came
                              : report.foreign > 0  ? "another board"
                                                    : "no board");
   }
+  look_on_floor(folder, collector, talk);
   return collector;
 }
 
@@ -243,29 +262,9 @@ void calibrate_from(const Options& o) {
 
 std::atomic<bool> interrupted{false};
 
-/// What a person without a screen hears and sees: a sound for each view, the light blinks fast while the board must be held still.
-void tell_panel(hal::Panel& panel, const CaptureNews& news) {
-  switch (news.cue) {
-    case CaptureCue::search:
-      panel.show({.pattern = hal::LightPattern::searching_slow_blink});
-      break;
-    case CaptureCue::hold_still:
-      panel.show({.pattern = hal::LightPattern::estimating_fast_blink});
-      break;
-    case CaptureCue::elsewhere:
-      panel.show({.pattern = hal::LightPattern::idle_steady});
-      break;
-    case CaptureCue::captured:
-      panel.play(hal::Sound::accepted);
-      panel.show({.pattern = hal::LightPattern::tracking_on});
-      break;
-    case CaptureCue::wrong_board:
-      panel.play(hal::Sound::refused);
-      break;
-    case CaptureCue::done:
-      panel.play(hal::Sound::ended);
-      break;
-  }
+void tell_panel(hal::Panel& panel, CaptureCue cue) {
+  panel.show({.pattern = light_of(cue)});
+  if (const auto sound = sound_of(cue)) panel.play(*sound);
 }
 
 void calibrate_live(const Options& o) {
@@ -283,7 +282,6 @@ void calibrate_live(const Options& o) {
   }
   const PanelDevice panel = open_panel(config, *source.clock);
   std::optional<ViewFolder> keep;
-  std::vector<hal::CameraDescription> cameras;
   LiveCaptureSettings settings;
   settings.board = board_of(o);
   LiveCaptureHooks hooks;
@@ -291,7 +289,7 @@ void calibrate_live(const Options& o) {
   int waited = 0;
   std::string said;
   hooks.news = [&](const CaptureNews& news) {
-    if (panel.panel) tell_panel(*panel.panel, news);
+    if (panel.panel) tell_panel(*panel.panel, news.cue);
     // The simulated person moves on after a view, and when a place turns out to be no good; a look or two may still show where he was.
     waited = news.cue == CaptureCue::hold_still ? 0 : waited + 1;
     if (move_on && (news.cue == CaptureCue::captured || waited >= kPatience)) move_on(), waited = 0;
@@ -302,14 +300,21 @@ void calibrate_live(const Options& o) {
     if (line != said) std::cerr << line << "\n";
     said = line;
   };
-  if (!o.keep.empty())
-    hooks.view = [&](int, const std::vector<hal::DepthFrame>& frames) {
-      if (!keep) {
-        for (const auto& c : source.cameras) cameras.push_back(c->description());
-        keep = create_view_folder(o.keep, cameras);
+  if (!o.keep.empty()) {
+    std::vector<hal::CameraDescription> cameras;
+    for (const auto& c : source.cameras) cameras.push_back(c->description());
+    keep = create_view_folder(o.keep, cameras);
+    // Pictures are kept for convenience: a full disk must not cost the views that a person has shown already.
+    hooks.view = [&keep](int, const std::vector<hal::DepthFrame>& frames) {
+      if (!keep) return;
+      try {
+        write_view(*keep, frames);
+      } catch (const std::exception& e) {
+        std::cerr << "warning: pictures are not kept any more: " << e.what() << "\n";
+        keep.reset();
       }
-      write_view(*keep, frames);
     };
+  }
   std::signal(SIGINT, [](int) { interrupted = true; });
   hooks.stop = [] { return interrupted.load(); };
   conclude(o, file, capture_live(source.cameras, *source.clock, settings, hooks));
@@ -356,11 +361,13 @@ void from_person(const Options& o) {
 }
 
 void run(const Options& o) {
-  const int tasks = !o.print.empty() + !o.from.empty() + !o.simulate.empty() + !o.from_person.empty();
-  if (tasks > 1) throw VerbFailure("--print, --from, --from-person and --simulate exclude each other", 64);
+  const int tasks = !o.print.empty() + !o.from.empty() + !o.simulate.empty() + !o.from_person.empty() + o.restore;
+  if (tasks > 1) throw VerbFailure("--print, --from, --from-person, --simulate and --restore exclude each other", 64);
   if (o.dry_run && o.from_person.empty()) throw VerbFailure("--dry-run belongs to --from-person", 64);
   if (o.verify && o.from.empty()) throw VerbFailure("--verify needs the views to look at: --from DIR", 64);
-  if (tasks == 0) calibrate_live(o);
+  const bool own = o.live_simulation || !o.keep.empty() || !o.out.empty();
+  if (tasks == 0 && (own || !calibrate_through_boothd(o.socket, o.json))) calibrate_live(o);
+  if (o.restore) std::cout << fmt::format("{}: now what {} was\n", file_of(o).string(), restore_calibration(file_of(o)).filename().string());
   if (!o.print.empty()) print_board(o);
   if (!o.simulate.empty()) simulate(o);
   if (!o.from_person.empty()) from_person(o);
@@ -381,6 +388,7 @@ void add_calibrate_verb(CLI::App& app) {
   verb->add_flag("--dry-run", o->dry_run, "With --from-person: say what would be changed, and change nothing");
   verb->add_option("--out", o->out, "Calibration file to write or to verify; without it the configuration's cameras.kinect2.calibration");
   verb->add_flag("--verify", o->verify, "Only look whether the cameras still stand as the calibration says; one view is enough");
+  verb->add_flag("--restore", o->restore, "Put the calibration before in the file's place, where the present one is damaged or wrong");
   verb->add_option("--by", o->by, "Who calibrates, for the record; without it the user's name");
   verb->add_option("--pictures", o->pictures, "Folder for a picture of each view, with the corners that were found");
   verb->add_option("--keep", o->keep, "New folder for the views that are captured live, to calibrate from again");
@@ -392,6 +400,7 @@ void add_calibrate_verb(CLI::App& app) {
   verb->add_option("--set", o->assignments, "key=value, over the file's; may be given several times")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  verb->add_option("--socket", o->socket, "Control socket of a running boothd, which then calibrates itself");
   verb->add_flag("--json", o->json, "One JSON object");
   verb->callback([o] { run(*o); });
 }

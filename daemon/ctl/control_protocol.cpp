@@ -77,6 +77,12 @@ Json drift_json(const CameraDriftStatus& d) {
   return j;
 }
 
+Json calibration_json(const CalibrationStatus& c) {
+  return {{"running", c.running}, {"begun", c.begun}, {"cue", to_string(c.cue)},         {"views", c.views},
+          {"seen", c.seen},       {"next", c.next},   {"outcome", to_string(c.outcome)}, {"sentence", c.sentence},
+          {"restart", c.restart}};
+}
+
 Json make_status(const DaemonStatus& s) {
   Json j;
   j["ok"] = true;
@@ -124,6 +130,7 @@ Json make_status(const DaemonStatus& s) {
   if (!s.dds_problem.empty()) j["dds_problem"] = s.dds_problem;
   j["dds_security"] = s.dds_security;
   j["credential_problem"] = s.credential_problem;
+  j["calibration"] = calibration_json(s.calibration);
   if (s.last_summary) j["last_session"] = Json::parse(s.last_summary->json, nullptr, false);
   return j;
 }
@@ -168,13 +175,14 @@ std::string answer_request(const std::string& line, Controller& controller) {
   const Json request = Json::parse(line, nullptr, false);
   if (request.is_discarded()) return error("a request is one JSON object on one line");
   if (!request.is_object() || !request.contains("request") || !request["request"].is_string())
-    return error("a request needs the key \"request\": \"status\", \"skeleton\", \"start\" or \"stop\"");
+    return error("a request needs the key \"request\": \"status\", \"skeleton\", \"start\", \"stop\" or \"calibrate\"");
   const std::string what = request["request"].get<std::string>();
   if (what == "status") return status_json(controller.status());
   if (what == "skeleton") return skeleton_json(controller.status());
   if (what == "start") return command(SessionEvent::start, controller);
   if (what == "stop") return command(SessionEvent::stop, controller);
-  return error(fmt::format("\"{}\" is not a request; there are status, skeleton, start and stop", what));
+  if (what == "calibrate") return command(SessionEvent::calibrate, controller);
+  return error(fmt::format("\"{}\" is not a request; there are status, skeleton, start, stop and calibrate", what));
 }
 
 }  // namespace booth::daemon

@@ -56,7 +56,7 @@ class Page {
   std::string name_, text_;
 };
 
-constexpr const char* kStates[] = {"idle", "countdown", "estimating", "tracking", "searching", "finishing"};
+constexpr const char* kStates[] = {"idle", "countdown", "estimating", "tracking", "searching", "finishing", "calibrating"};
 
 void add_cameras(Page& page, const StatusJson& status) {
   page.one("cameras_minimum", "gauge", "Cameras without which no session runs (cameras.minimum).", number_in(status, "cameras_minimum"));

@@ -42,6 +42,9 @@ std::string for_people(const Json& s) {
                   s.value("degraded", false) ? ", degraded: a camera is missing" : "", s.value("emergency_latched", false) ? ", emergency stop pressed" : "");
   if (const std::string alarm = s.value("alarm", ""); !alarm.empty()) out += "alarm      " + alarm + "\n";
   if (s.value("countdown_seconds", 0) > 0) out += fmt::format("countdown  {} s\n", s.value("countdown_seconds", 0));
+  if (const Json c = s.value("calibration", Json::object()); c.value("begun", 0) > 0)
+    out += c.value("running", false) ? fmt::format("calibrate  {} views, {}; {}\n", c.value("views", 0), c.value("cue", ""), c.value("next", ""))
+                                     : fmt::format("calibrate  {}: {}\n", c.value("outcome", ""), c.value("sentence", ""));
   if (const Json panel = s.value("panel", Json::object()); panel.value("present", false)) {
     out +=
         fmt::format("light      {}{}{}\n", panel.value("light", "?"), panel.value("fault_code", 0) > 0 ? fmt::format(" {}", panel.value("fault_code", 0)) : "",

@@ -12,7 +12,7 @@
 namespace booth::daemon {
 
 const char* session_state_name(std::uint8_t state) {
-  constexpr std::array kNames{"idle", "estimating", "tracking", "searching", "finishing", "countdown"};
+  constexpr std::array kNames{"idle", "estimating", "tracking", "searching", "finishing", "countdown", "calibrating"};
   return state < kNames.size() ? kNames[state] : "?";
 }
 

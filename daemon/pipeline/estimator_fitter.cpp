@@ -57,7 +57,8 @@ fit::Camera fit_camera(const hal::CameraDescription& d) {
   out.cx = static_cast<float>(d.intrinsics.cx);
   out.cy = static_cast<float>(d.intrinsics.cy);
   for (std::size_t i = 0; i < 5; ++i) out.distortion[i] = static_cast<float>(d.intrinsics.distortion[i]);
-  out.depth_scale = static_cast<float>(d.depth_scale);
+  out.depth_scale = static_cast<float>(d.depth_scale / (1 + d.depth_gain));
+  out.depth_offset = static_cast<float>(-d.depth_offset / (1 + d.depth_gain));
   const Eigen::Matrix3d rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(d.camera_to_world.rotation.data());
   const Eigen::Vector3d translation = Eigen::Map<const Eigen::Vector3d>(d.camera_to_world.translation.data());
   Eigen::Matrix3d booth_from_cmu;

@@ -99,6 +99,7 @@ void Controller::loop() {
     watch_drift();
     watch_panel();
     watch_credentials();
+    watch_calibration();
     const hal::MonotonicTime now = clock_.now();
     if (files_done_.exchange(false)) {
       finisher_.join();
@@ -123,7 +124,9 @@ void Controller::take_requests() {
       request = std::move(queue_.front());
       queue_.pop_front();
     }
-    const SessionOutcome outcome = machine_.handle(request.event, clock_.now());
+    const std::string no_calibration = request.event == SessionEvent::calibrate ? why_no_calibration() : "";
+    SessionOutcome outcome{.from = machine_.state(), .to = machine_.state(), .event = request.event, .action = SessionAction::none, .refusal = no_calibration};
+    if (no_calibration.empty()) outcome = machine_.handle(request.event, clock_.now());
     const std::string name(to_string(request.event));
     if (outcome.from == SessionState::idle) story_.begin();
     say_event("trigger", request.source, outcome.refusal.empty() ? name : fmt::format("{} refused: {}", name, outcome.refusal));
@@ -169,7 +172,7 @@ void Controller::watch_cameras() {
     body_known_ = machine_.body_known();
     countdown_ = machine_.countdown_left(clock_.now());
   }
-  const bool waiting = machine_.running() || machine_.state() == SessionState::countdown;
+  const bool waiting = machine_.running() || machine_.state() == SessionState::countdown || machine_.state() == SessionState::calibrating;
   if (waiting && pipeline_->all_ended()) apply(machine_.handle(SessionEvent::sources_ended, clock_.now()), "cameras");
 }
 
@@ -243,6 +246,8 @@ void Controller::apply(const SessionOutcome& outcome, const std::string& source)
   const std::string cause(to_string(outcome.event));
   if (outcome.action == SessionAction::begin) begin_session();
   if (outcome.action == SessionAction::end) end_session(cause, std::string(to_string(outcome.from)));
+  if (outcome.action == SessionAction::calibrate) settings_.calibrator->begin(source);
+  if (outcome.action == SessionAction::cancel_calibration) settings_.calibrator->cancel();
   if (!outcome.changed()) return;
   state_.store(outcome.to, std::memory_order_release);
   const std::string text = fmt::format("{} -> {} ({})", to_string(outcome.from), to_string(outcome.to), cause);
@@ -401,6 +406,7 @@ DaemonStatus Controller::status() const {
     out.backend = fitter_->backend();
     out.drift = fitter_->drift();
   }
+  if (settings_.calibrator) out.calibration = settings_.calibrator->status();
   const std::lock_guard lock(shared_mutex_);
   out.paused = paused_;
   out.latched = latched_;
@@ -415,6 +421,7 @@ DaemonStatus Controller::status() const {
               : !panel_.problems.empty()     ? panel_.problems.front()
               : !credential_problem_.empty() ? credential_problem_
                                              : drift_problem_;
+  if (out.alarm.empty() && out.calibration.restart) out.alarm = "a new calibration takes effect when boothd is started again";
   out.session = session_;
   out.session_folder = folder_.string();
   out.remark = remark_;

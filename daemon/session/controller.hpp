@@ -20,6 +20,7 @@
 #include "daemon/pipeline/pipeline.hpp"
 #include "daemon/record/session_files.hpp"
 #include "daemon/record/session_log.hpp"
+#include "daemon/session/calibrator.hpp"
 #include "daemon/session/session_machine.hpp"
 #include "daemon/session/session_story.hpp"
 #include "hal/clock.hpp"
@@ -43,6 +44,7 @@ struct ControllerSettings {
   std::function<void(const std::string&, const std::string&, const std::string&)> on_event{};
   std::string dds_security = "off";                   ///< what status shows of it: whose credentials, until when
   std::function<std::string()> credential_problem{};  ///< asked every second: what a person should look after; may be empty
+  Calibrator* calibrator = nullptr;                   ///< outlives the controller; null: calibrations are refused
 };
 
 /// Answer to a request.
@@ -83,6 +85,7 @@ struct DaemonStatus {
   std::uint64_t dds_failures = 0;
   std::string dds_problem;
   std::string dds_security, credential_problem;
+  CalibrationStatus calibration;
 };
 
 /// Public functions are thread-safe unless they say otherwise.
@@ -130,6 +133,8 @@ class Controller final : public FrameSink {
   void watch_drift();
   void watch_panel();
   void watch_credentials();
+  void watch_calibration();
+  std::string why_no_calibration() const;
   void apply(const SessionOutcome& outcome, const std::string& source);
   void begin_session();
   void end_session(const std::string& reason, const std::string& state_at_end);
@@ -165,6 +170,7 @@ class Controller final : public FrameSink {
   std::vector<std::string> panel_said_;
   BackendStatus backend_said_;
   std::vector<CameraDriftStatus::Verdict> drift_said_;
+  CalibrationStatus calibration_said_;
   hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{}, next_credential_look_{}, next_drift_look_{};
   std::string status_key_;
   std::int64_t session_began_utc_ = 0;

@@ -4,8 +4,8 @@
 namespace booth::daemon {
 namespace {
 
-hal::LightPattern pattern_of(SessionState state) {
-  switch (state) {
+hal::LightPattern pattern_of(const LightFacts& facts) {
+  switch (facts.state) {
     case SessionState::idle:
       return hal::LightPattern::idle_steady;
     case SessionState::estimating:
@@ -18,6 +18,8 @@ hal::LightPattern pattern_of(SessionState state) {
       return hal::LightPattern::saving_flash;
     case SessionState::countdown:
       return hal::LightPattern::countdown_double_blink;
+    case SessionState::calibrating:
+      return light_of(facts.cue);
   }
   return hal::LightPattern::off;
 }
@@ -38,7 +40,7 @@ hal::LightShow light_of(const LightFacts& facts) {
   // While files are written nothing is asked of the visitor but to wait.
   const bool shown = fault != FaultCode::none && (facts.state == SessionState::idle || (stops && facts.state != SessionState::finishing));
   if (shown) return {.pattern = hal::LightPattern::fault_code, .code = static_cast<int>(fault), .degraded = false};
-  return {.pattern = pattern_of(facts.state), .code = 0, .degraded = facts.degraded || fault != FaultCode::none};
+  return {.pattern = pattern_of(facts), .code = 0, .degraded = facts.degraded || fault != FaultCode::none};
 }
 
 }  // namespace booth::daemon

@@ -1,6 +1,7 @@
 // What the light says of boothd's state: one function, so that a table can test it.
 #pragma once
 
+#include "daemon/calibrate/capture_cue.hpp"
 #include "daemon/session/session_machine.hpp"
 #include "hal/status_light.hpp"
 
@@ -17,6 +18,7 @@ struct LightFacts {
   bool degraded = false;  ///< a camera is missing, the fit has fallen back to another processor ...
   bool alarm = false;     ///< sessions are not saved
   bool panel = false;     ///< a button or lamp has a problem
+  CaptureCue cue{};       ///< in a calibration: what the person should do
 };
 
 FaultCode fault_of(const LightFacts& facts);

@@ -57,7 +57,8 @@ void PanelLink::show() {
                          .paused = status.paused,
                          .degraded = status.degraded || !status.backend.problem.empty() || !status.drift_problem.empty(),
                          .alarm = !status.session_alarm.empty(),
-                         .panel = !problems.empty()};
+                         .panel = !problems.empty(),
+                         .cue = status.calibration.cue};
   const hal::LightShow light = light_of(facts);
   panel_.show(light);
   controller_.set_panel({.present = true, .light = light, .problems = problems});
@@ -65,7 +66,22 @@ void PanelLink::show() {
   if (status.state == SessionState::finishing && state_ != SessionState::finishing) panel_.play(hal::Sound::ended);
   if (status.countdown_seconds != counted_ && status.countdown_seconds > 0) panel_.play(hal::Sound::countdown);
   counted_ = status.countdown_seconds;
+  play_calibration(status.calibration);
   state_ = status.state;
+}
+
+/// A sound for each view and for the end; three beeps, once, for a board that is not ours.
+void PanelLink::play_calibration(const CalibrationStatus& now) {
+  using Outcome = CalibrationStatus::Outcome;
+  if (now.begun == calibration_.begun && now.running) {
+    if (now.views > calibration_.views)
+      panel_.play(hal::Sound::accepted);
+    else if (now.cue == CaptureCue::wrong_board && calibration_.cue != CaptureCue::wrong_board)
+      panel_.play(hal::Sound::refused);
+  }
+  if (!now.running && calibration_.running)
+    panel_.play(now.outcome == Outcome::stored || now.outcome == Outcome::cancelled ? hal::Sound::ended : hal::Sound::refused);
+  calibration_ = now;
 }
 
 }  // namespace booth::daemon

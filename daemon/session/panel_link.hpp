@@ -25,11 +25,13 @@ class PanelLink {
   void loop();
   void request(const hal::TriggerEvent& event);
   void show();
+  void play_calibration(const CalibrationStatus& now);
 
   hal::Panel& panel_;
   Controller& controller_;
   SessionState state_ = SessionState::idle;
   int counted_ = 0;  ///< seconds of the countdown that were heard last
+  CalibrationStatus calibration_;
   std::atomic<std::uint64_t> progress_{0};
   std::atomic<bool> stop_{false};
   std::thread thread_;

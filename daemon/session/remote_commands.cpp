@@ -1,4 +1,4 @@
-// Start and stop as the buttons do, a snapshot as boothctl does; the rest is said not to be there.
+// Start, stop and calibrate as the buttons do, a snapshot as boothctl does.
 #include "daemon/session/remote_commands.hpp"
 
 namespace booth::daemon {
@@ -27,7 +27,7 @@ DdsAnswer answer_remote_command(DdsCommand command, Controller& controller, hal:
     case DdsCommand::stop:
       return request(SessionEvent::stop, controller);
     case DdsCommand::calibrate:
-      return not_supported("calibrate", controller);
+      return request(SessionEvent::calibrate, controller);
     case DdsCommand::snapshot:
       return take_snapshot(controller, recorder);
   }

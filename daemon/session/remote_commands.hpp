@@ -7,7 +7,8 @@
 
 namespace booth::daemon {
 
-/// Waits for the controller's answer; a snapshot is accepted when it begins to be written. `calibrate` is refused with a sentence: this version has it not.
+/// Waits for the controller's answer; a snapshot is accepted when it begins to be written, a calibration when it begins: what comes of it is
+/// told on booth/event.
 DdsAnswer answer_remote_command(DdsCommand command, Controller& controller, hal::FlightRecorder& recorder);
 
 }  // namespace booth::daemon

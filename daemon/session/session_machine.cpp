@@ -19,13 +19,14 @@ struct Cell {
 constexpr std::string_view kRunning = "a session is running already";
 constexpr std::string_view kSaving = "the last session is still being saved; try again in a moment";
 constexpr std::string_view kNothing = "no session is running";
-constexpr std::string_view kNoCalibration = "calibration is not available in this version";
 constexpr std::string_view kInTheWay = "a calibration needs the empty stage; end the session first";
+constexpr std::string_view kCalibrating = "a calibration is running; stop it first";
+constexpr std::string_view kCalibratingAlready = "a calibration is running already";
 constexpr std::string_view kCounting = "a session is about to begin already";
 
-constexpr Cell kEnd{S::finishing, A::end}, kBegin{S::estimating, A::begin};
+constexpr Cell kEnd{S::finishing, A::end}, kBegin{S::estimating, A::begin}, kCancel{S::idle, A::cancel_calibration}, kStay{S::calibrating};
 
-// Rows: events in the order of SessionEvent. Columns: idle, estimating, tracking, searching, finishing, countdown.
+// Rows: events in the order of SessionEvent. Columns: idle, estimating, tracking, searching, finishing, countdown, calibrating.
 constexpr std::array<std::array<Cell, kSessionStates>, kSessionEvents> kTable{{
     /* start */
     {{{S::countdown},
@@ -33,48 +34,53 @@ constexpr std::array<std::array<Cell, kSessionStates>, kSessionEvents> kTable{{
       {S::tracking, A::none, kRunning},
       {S::searching, A::none, kRunning},
       {S::finishing, A::none, kSaving},
-      {S::countdown, A::none, kCounting}}},
+      {S::countdown, A::none, kCounting},
+      {S::calibrating, A::none, kCalibrating}}},
     /* stop: nothing has been captured in a countdown, so nothing is to be saved */
-    {{{S::idle, A::none, kNothing}, kEnd, kEnd, kEnd, {S::finishing}, {S::idle}}},
+    {{{S::idle, A::none, kNothing}, kEnd, kEnd, kEnd, {S::finishing}, {S::idle}, kCancel}},
     /* toggle */
-    {{{S::countdown}, kEnd, kEnd, kEnd, {S::finishing, A::none, kSaving}, {S::idle}}},
+    {{{S::countdown}, kEnd, kEnd, kEnd, {S::finishing, A::none, kSaving}, {S::idle}, kCancel}},
     /* emergency_pressed */
-    {{{S::idle}, kEnd, kEnd, kEnd, {S::finishing}, {S::idle}}},
+    {{{S::idle}, kEnd, kEnd, kEnd, {S::finishing}, {S::idle}, kCancel}},
     /* emergency_released */
-    {{{S::idle}, {S::estimating}, {S::tracking}, {S::searching}, {S::finishing}, {S::countdown}}},
+    {{{S::idle}, {S::estimating}, {S::tracking}, {S::searching}, {S::finishing}, {S::countdown}, kStay}},
     /* body_accepted */
-    {{{S::idle}, {S::tracking}, {S::tracking}, {S::searching}, {S::finishing}, {S::countdown}}},
+    {{{S::idle}, {S::tracking}, {S::tracking}, {S::searching}, {S::finishing}, {S::countdown}, kStay}},
     /* person_lost */
-    {{{S::idle}, {S::searching}, {S::searching}, {S::searching}, {S::finishing}, {S::countdown}}},
+    {{{S::idle}, {S::searching}, {S::searching}, {S::searching}, {S::finishing}, {S::countdown}, kStay}},
     /* person_found: to estimating instead where the body is not known yet */
-    {{{S::idle}, {S::estimating}, {S::tracking}, {S::tracking}, {S::finishing}, {S::countdown}}},
+    {{{S::idle}, {S::estimating}, {S::tracking}, {S::tracking}, {S::finishing}, {S::countdown}, kStay}},
     /* search_over */
-    {{{S::idle}, {S::estimating}, {S::tracking}, kEnd, {S::finishing}, {S::countdown}}},
+    {{{S::idle}, {S::estimating}, {S::tracking}, kEnd, {S::finishing}, {S::countdown}, kStay}},
     /* session_over */
-    {{{S::idle}, kEnd, kEnd, kEnd, {S::finishing}, {S::countdown}}},
+    {{{S::idle}, kEnd, kEnd, kEnd, {S::finishing}, {S::countdown}, kStay}},
     /* sources_ended */
-    {{{S::idle}, kEnd, kEnd, kEnd, {S::finishing}, {S::idle}}},
+    {{{S::idle}, kEnd, kEnd, kEnd, {S::finishing}, {S::idle}, kCancel}},
     /* files_written */
-    {{{S::idle}, {S::estimating}, {S::tracking}, {S::searching}, {S::idle}, {S::countdown}}},
+    {{{S::idle}, {S::estimating}, {S::tracking}, {S::searching}, {S::idle}, {S::countdown}, kStay}},
     /* countdown_over */
-    {{{S::idle}, {S::estimating}, {S::tracking}, {S::searching}, {S::finishing}, kBegin}},
+    {{{S::idle}, {S::estimating}, {S::tracking}, {S::searching}, {S::finishing}, kBegin, kStay}},
     /* estimate_over */
-    {{{S::idle}, kEnd, {S::tracking}, {S::searching}, {S::finishing}, {S::countdown}}},
+    {{{S::idle}, kEnd, {S::tracking}, {S::searching}, {S::finishing}, {S::countdown}, kStay}},
     /* pause_over */
-    {{{S::idle}, kEnd, kEnd, kEnd, {S::finishing}, {S::countdown}}},
+    {{{S::idle}, kEnd, kEnd, kEnd, {S::finishing}, {S::countdown}, kStay}},
     /* calibrate */
-    {{{S::idle, A::none, kNoCalibration},
+    {{{S::calibrating, A::calibrate},
       {S::estimating, A::none, kInTheWay},
       {S::tracking, A::none, kInTheWay},
       {S::searching, A::none, kInTheWay},
       {S::finishing, A::none, kInTheWay},
-      {S::countdown, A::none, kInTheWay}}},
+      {S::countdown, A::none, kInTheWay},
+      {S::calibrating, A::none, kCalibratingAlready}}},
+    /* calibration_over */
+    {{{S::idle}, {S::estimating}, {S::tracking}, {S::searching}, {S::finishing}, {S::countdown}, {S::idle}}},
 }};
 
-constexpr std::array<std::string_view, kSessionStates> kStateNames{"idle", "estimating", "tracking", "searching", "finishing", "countdown"};
+constexpr std::array<std::string_view, kSessionStates> kStateNames{"idle", "estimating", "tracking", "searching", "finishing", "countdown", "calibrating"};
 constexpr std::array<std::string_view, kSessionEvents> kEventNames{
-    "start",       "stop",         "toggle",        "emergency_pressed", "emergency_released", "body_accepted", "person_lost", "person_found",
-    "search_over", "session_over", "sources_ended", "files_written",     "countdown_over",     "estimate_over", "pause_over",  "calibrate"};
+    "start",          "stop",          "toggle",      "emergency_pressed", "emergency_released", "body_accepted",
+    "person_lost",    "person_found",  "search_over", "session_over",      "sources_ended",      "files_written",
+    "countdown_over", "estimate_over", "pause_over",  "calibrate",         "calibration_over"};
 
 }  // namespace
 
@@ -111,6 +117,7 @@ SessionOutcome SessionMachine::handle(SessionEvent event, hal::MonotonicTime now
       out.event = event;
     }
   }
+  if (out.action == SessionAction::calibrate && latched_) return refuse("the emergency stop is pressed; release it first");
   if (out.action == SessionAction::begin) {
     began_ = last_seen_ = last_tick_ = now;
     estimating_ = hal::Nanoseconds(0);

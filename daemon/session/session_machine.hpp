@@ -9,14 +9,15 @@
 namespace booth::daemon {
 
 enum class SessionState : std::uint8_t {
-  idle,        ///< nobody is captured
-  estimating,  ///< a body is being estimated
-  tracking,    ///< the body is known and followed
-  searching,   ///< the person is not there (any more)
-  finishing,   ///< the session's files are being written
-  countdown,   ///< a session was asked for and begins in a moment
+  idle,         ///< nobody is captured
+  estimating,   ///< a body is being estimated
+  tracking,     ///< the body is known and followed
+  searching,    ///< the person is not there (any more)
+  finishing,    ///< the session's files are being written
+  countdown,    ///< a session was asked for and begins in a moment
+  calibrating,  ///< a person shows the calibration board to the cameras
 };
-inline constexpr int kSessionStates = 6;
+inline constexpr int kSessionStates = 7;
 
 enum class SessionEvent : std::uint8_t {
   start,               ///< a person asks for a session
@@ -34,12 +35,13 @@ enum class SessionEvent : std::uint8_t {
   countdown_over,      ///< the visitor has had countdown_seconds to step onto the stage
   estimate_over,       ///< no body found within estimate_seconds
   pause_over,          ///< too few cameras for pause_seconds
-  calibrate,           ///< a person asks for a calibration (a long press); refused in every state as long as boothd has none to offer
+  calibrate,           ///< a person asks for a calibration (a long press)
+  calibration_over,    ///< it has ended, however
 };
-inline constexpr int kSessionEvents = 16;
+inline constexpr int kSessionEvents = 17;
 
 /// What the owner of the machine has to do; at most one for each event.
-enum class SessionAction : std::uint8_t { none, begin, end };
+enum class SessionAction : std::uint8_t { none, begin, end, calibrate, cancel_calibration };
 
 /// `refusal` is empty when the event was accepted (also when it changed nothing). `event` is what decided: where time or a frame was handed in, the event
 /// that they came to.

@@ -44,6 +44,8 @@ class KinectCamera final : public hal::DepthCamera, private usb::StreamSink {
                     .intrinsics = unmirrored_intrinsics(calibration.depth),
                     .camera_to_world = settings_.camera_to_world,
                     .depth_scale = 0.001,
+                    .depth_gain = settings_.depth_gain,
+                    .depth_offset = settings_.depth_offset,
                     .nominal_rate = settings_.nominal_rate};
   }
   ~KinectCamera() override { stop(); }

@@ -36,6 +36,7 @@ struct KinectSettings {
   std::string serial;
   std::string name;  ///< of its position
   hal::RigidTransform camera_to_world{};
+  double depth_gain = 0, depth_offset = 0;  ///< as in hal::CameraDescription
   DecoderSettings decoder{};
   int transfers = 24;         ///< of one millisecond each; 24 take 6.5 MB of usbfs memory
   bool colour = false;        ///< receive and check the colour stream (nobody uses it yet; it costs bus time)

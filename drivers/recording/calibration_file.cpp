@@ -41,6 +41,9 @@ void write_camera(std::ostream& out, const hal::CameraDescription& c, const Cali
     for (std::size_t j = 0; j < files->background.size(); ++j) out << (j > 0 ? ", " : "") << quoted(files->background[j]);
     out << "]  # the empty room";
   }
+  if (c.depth_gain != 0 || c.depth_offset != 0)
+    out << "\ndepth_gain = " << real(c.depth_gain) << "\ndepth_offset = " << real(c.depth_offset)
+        << "  # it reads (1 + gain) z + offset metres at true depth z";
   out << "\ncamera_to_world = [\n";
   for (std::size_t r = 0; r < 3; ++r) {
     out << "  [";

@@ -58,6 +58,8 @@ hal::CameraDescription CameraTable::description() const {
   k.cx = number("cx");
   k.cy = number("cy");
   d.depth_scale = number("depth_scale", 0.001);
+  d.depth_gain = number("depth_gain", 0);
+  d.depth_offset = number("depth_offset", 0);
   if (has("distortion")) {
     const auto& a = array("distortion", 5);
     for (std::size_t i = 0; i < 5; ++i) {

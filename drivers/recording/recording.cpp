@@ -23,6 +23,9 @@ void check_description(hal::CameraDescription& camera, const std::string& place)
   require(std::isfinite(k.cx) && std::isfinite(k.cy), "has an image centre (cx, cy) that is no number");
   for (const double d : k.distortion) require(std::isfinite(d), "has a distortion that is no number");
   require(std::isfinite(camera.depth_scale) && camera.depth_scale > 0 && camera.depth_scale <= 1, "has a depth_scale outside 0 to 1 metre per count");
+  constexpr double kMostGain = 0.2, kMostOffset = 0.5;
+  require(std::abs(camera.depth_gain) <= kMostGain, "has a depth_gain outside -0.2 to 0.2");
+  require(std::abs(camera.depth_offset) <= kMostOffset, "has a depth_offset outside -0.5 to 0.5 m");
   for (const double t : camera.camera_to_world.translation)
     require(std::isfinite(t) && std::abs(t) < 1000, "stands further than 1000 m away (camera_to_world)");
 

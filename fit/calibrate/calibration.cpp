@@ -7,6 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "fit/calibrate/arrangement.hpp"
 #include "fit/calibrate/moved_camera.hpp"
 
 namespace booth::fit::calibrate {
@@ -40,22 +41,6 @@ void check(const CalibrationInput& in) {
     for (const int id : s.corner)
       if (id < 0 || id >= Board::kCorners) throw std::invalid_argument("a sighting names a corner that the board has not");
   }
-}
-
-/// Sightings that have a pose, and the poses.
-struct Usable {
-  std::vector<Sighting> sightings;
-  std::vector<BoardPose> poses;
-};
-
-Usable usable(const CalibrationInput& in) {
-  Usable out;
-  for (const Sighting& s : in.sightings)
-    if (const auto pose = pose_of_board(in.lenses[static_cast<std::size_t>(s.camera)], in.board, s)) {
-      out.sightings.push_back(s);
-      out.poses.push_back(*pose);
-    }
-  return out;
 }
 
 /// The squares' size by depth against the size that was said: 0 where depth says nothing. The middle of the cameras' own medians.
@@ -112,16 +97,6 @@ std::string too_few(const CalibrationInput& in, const Progress& p) {
   return out;
 }
 
-/// All room points in the base, depth corrected.
-std::vector<Eigen::Vector3d> room_points(const CalibrationInput& in, const BundleState& x) {
-  std::vector<Eigen::Vector3d> out;
-  for (std::size_t c = 0; c < in.room.size(); ++c) {
-    const Rigid to_base = x.camera[c].inverse();
-    for (const DepthSample& d : in.room[c]) out.push_back(to_base * Eigen::Vector3d(Eigen::Vector3d(d.x, d.y, 1) * x.depth[c].true_depth(d.z)));
-  }
-  return out;
-}
-
 /// The board of the last view that lies flat on the floor, print upwards.
 std::optional<Rigid> board_on_floor(const Plane& floor, const BundleState& x, const std::vector<Sighting>& sightings, const std::vector<char>& out) {
   constexpr double kFlat = 4 * kDegree, kHigh = 0.04;
@@ -172,19 +147,6 @@ int leave_out_wrong(const std::vector<Sighting>& sightings, const BundleReport& 
       if (k == i || (in_view(k) && pictures <= 2)) out[k] = 1;
   }
   return static_cast<int>(std::count(out.begin(), out.end(), 1) - before);
-}
-
-std::vector<Eigen::Vector3d> centres(const BundleState& x) {
-  std::vector<Eigen::Vector3d> out;
-  for (const Rigid& c : x.camera) out.push_back(c.inverse().translation);
-  return out;
-}
-
-/// Cameras hang upright or nearly so, and their boards were held up: up is what is up in their pictures.
-Eigen::Vector3d rough_up(const BundleState& x) {
-  Eigen::Vector3d up = Eigen::Vector3d::Zero();
-  for (const Rigid& c : x.camera) up -= c.rotation.transpose().col(1);
-  return up.normalized();
 }
 
 }  // namespace
@@ -342,7 +304,10 @@ Verification verify(const CalibrationInput& in, std::span<const CalibratedCamera
     out.sentence = "no two cameras saw the board in one view: hold it where two of them see its print";
     return out;
   }
-  const double ratio = square_ratio(in, use);
+  Usable corrected = use;
+  for (Sighting& s : corrected.sightings)
+    for (DepthSample& d : s.depth) d.z = x.depth[static_cast<std::size_t>(s.camera)].true_depth(d.z);
+  const double ratio = square_ratio(in, corrected);
   if (ratio > 0 && std::abs(ratio - 1) > in.limits.square) {
     out.sentence =
         text("by depth the board's squares measure %.1f mm, not %.1f: is it the same board?", 1000 * ratio * in.board.square, 1000 * in.board.square);

@@ -93,7 +93,7 @@ struct CameraRow {
   const std::uint16_t *raw, *near, *far;
   const float *x, *y;
   std::uint16_t min_count, max_count;
-  float scale;
+  float scale, offset;
 };
 
 struct RowCount {
@@ -107,11 +107,11 @@ BOOTH_KERNEL RowCount convert_row(const CameraRow& in, const FloorOfCamera& floo
   const std::uint16_t* __restrict raw = in.raw, * __restrict near = in.near, * __restrict far = in.far;
   const float* __restrict x = in.x, * __restrict y = in.y;
   const std::uint16_t min_count = in.min_count, max_count = in.max_count;
-  const float scale = in.scale, base = floor.base - margin, slope0 = floor.slope0, slope_x = floor.slope_x, slope_y = floor.slope_y;
+  const float scale = in.scale, offset = in.offset, base = floor.base - margin, slope0 = floor.slope0, slope_x = floor.slope_x, slope_y = floor.slope_y;
   int measured = 0, on_floor = 0;
   for (int i = 0; i < n; ++i) {
     const bool valid = (raw[i] >= min_count) & (raw[i] <= max_count);
-    depth[i] = valid ? static_cast<float>(raw[i]) * scale : 0.0f;
+    depth[i] = valid ? static_cast<float>(raw[i]) * scale + offset : 0.0f;
     measured += valid;
   }
   static_assert(static_cast<int>(PixelLabel::unknown) == 0 && static_cast<int>(PixelLabel::background) == 2);
@@ -242,7 +242,7 @@ void CloudBuilder::Impl::sample_floor(Band& band, CameraWork& w) {
     for (int u = 0; u < width; u += kFloorStep) {
       const auto i = static_cast<std::size_t>(v * width + u);
       if (w.depth[i] < w.rays.near[i] || w.depth[i] > w.rays.stage_far[i]) continue;
-      Eigen::Vector3f p = w.rays.point(i, static_cast<float>(w.depth[i]) * w.rays.scale);
+      Eigen::Vector3f p = w.rays.point(i, static_cast<float>(w.depth[i]) * w.rays.scale + w.rays.offset);
       p.x() -= settings.stage_x, p.z() -= settings.stage_z;
       if (std::abs(p.y()) < kFloorSearch) floor_points[static_cast<std::size_t>(band.floor_first + band.floor_count++)] = p;
     }
@@ -280,7 +280,8 @@ void CloudBuilder::Impl::project(Band& band, CameraWork& w) {
   for (int v = band.row_begin; v < band.row_end; ++v) {
     const auto row = static_cast<std::size_t>(v) * static_cast<std::size_t>(width);
     const CameraRow in{w.depth + row,       rays.near.data() + row, rays.far.data() + row, rays.x.data() + row,
-                       rays.y.data() + row, rays.min_count,         rays.max_count,        rays.scale};
+                       rays.y.data() + row, rays.min_count,         rays.max_count,        rays.scale,
+                       rays.offset};
     float* depth = w.view->depth.data() + row;
     const RowCount count = convert_row(in, plane, floor_margin, width, depth, w.view->label.data() + row, standing);
     band.raw += count.measured;

@@ -16,6 +16,7 @@ struct Camera {
   Eigen::Matrix3f rotation = Eigen::Matrix3f::Identity();  ///< camera from CMU world: x_cam = rotation * x + translation
   Eigen::Vector3f translation = Eigen::Vector3f::Zero();
   float depth_scale = 0.001f;  ///< metres per count
+  float depth_offset = 0;      ///< metres; a count c means c * depth_scale + depth_offset
 
   Eigen::Vector3f centre() const { return -rotation.transpose() * translation; }
 };

@@ -77,6 +77,7 @@ void check(const Camera& c) {
   if (!(c.fx > 1 && c.fy > 1 && c.fx < 1e5f && c.fy < 1e5f)) fail("focal length " + std::to_string(c.fx) + ", " + std::to_string(c.fy) + " px");
   if (!(std::abs(c.cx) < 1e5f && std::abs(c.cy) < 1e5f)) fail("principal point " + std::to_string(c.cx) + ", " + std::to_string(c.cy) + " px");
   if (!(c.depth_scale > 1e-6f && c.depth_scale < 1)) fail("depth scale of " + std::to_string(c.depth_scale) + " m a count");
+  if (!(std::abs(c.depth_offset) < 1)) fail("depth offset of " + std::to_string(c.depth_offset) + " m");
   for (const float k : c.distortion)
     if (!std::isfinite(k)) fail("a distortion coefficient that is not a number");
   if (!c.translation.allFinite()) fail("a position that is not a number");
@@ -93,13 +94,14 @@ PixelRays::PixelRays(const Camera& camera, const CloudSettings& settings)
     : width(camera.width),
       height(camera.height),
       scale(camera.depth_scale),
+      offset(camera.depth_offset),
       to_world(camera.rotation.transpose()),
       centre(camera.centre()),
       background_margin_(settings.background_margin),
       background_relative_(settings.background_relative) {
   check(camera);
-  min_count = std::max<std::uint16_t>(1, clamp_count(std::ceil(settings.min_depth / scale)));
-  max_count = clamp_count(std::floor(settings.max_depth / scale));
+  min_count = std::max<std::uint16_t>(1, clamp_count(std::ceil((settings.min_depth - offset) / scale)));
+  max_count = clamp_count(std::floor((settings.max_depth - offset) / scale));
   const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   x.resize(pixels), y.resize(pixels), near.resize(pixels), far.resize(pixels), stage_far.resize(pixels);
 
@@ -119,8 +121,8 @@ PixelRays::PixelRays(const Camera& camera, const CloudSettings& settings)
         // The floor is told from the feet by a plane that each frame corrects; the gate lets what may be either pass.
         cut_slab(from.y(), direction.y(), -kFloorSearch, settings.stage_height, t0, t1);
         if (t0 <= t1) {
-          near[i] = std::max(min_count, clamp_count(std::ceil(t0 / scale)));
-          stage_far[i] = std::min(max_count, clamp_count(std::floor(t1 / scale)));
+          near[i] = std::max(min_count, clamp_count(std::ceil((t0 - offset) / scale)));
+          stage_far[i] = std::min(max_count, clamp_count(std::floor((t1 - offset) / scale)));
         }
       }
       x[i] = static_cast<float>(ray.x), y[i] = static_cast<float>(ray.y);
@@ -136,9 +138,9 @@ void PixelRays::set_background(std::span<const std::uint16_t> depth) {
   far = stage_far;
   for (std::size_t i = 0; i < depth.size(); ++i) {
     if (depth[i] < min_count || depth[i] > max_count) continue;
-    const double metres = static_cast<double>(depth[i]) * scale;
+    const double metres = static_cast<double>(depth[i]) * scale + offset;
     const double limit = metres - std::max(static_cast<double>(background_margin_), background_relative_ * metres);
-    far[i] = std::min(far[i], clamp_count(std::floor(limit / scale)));
+    far[i] = std::min(far[i], clamp_count(std::floor((limit - offset) / scale)));
   }
 }
 

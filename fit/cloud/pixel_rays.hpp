@@ -24,7 +24,7 @@ struct PixelRays {
   Eigen::Vector3f point(std::size_t i, float depth) const { return centre + depth * (to_world * Eigen::Vector3f(x[i], y[i], 1)); }
 
   int width, height;
-  float scale;                         ///< metres per count
+  float scale, offset;                 ///< a count c lies c * scale + offset metres away
   std::uint16_t min_count, max_count;  ///< a measurement lies between these, ends included
   Eigen::Matrix3f to_world;
   Eigen::Vector3f centre;

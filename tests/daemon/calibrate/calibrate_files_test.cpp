@@ -1,6 +1,10 @@
 // The board's page, the folder of views, the stored calibration and the flow of a capture.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <cstdlib>
 #include <filesystem>
@@ -13,6 +17,8 @@
 #include "daemon/calibrate/view_folder.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
 #include "daemon/io/atomic_file.hpp"
+#include "daemon/io/file_bytes.hpp"
+#include "daemon/pipeline/estimator_fitter.hpp"
 
 namespace booth::tests {
 namespace {
@@ -114,6 +120,61 @@ TEST(CalibrationStore, TheOneBeforeIsKeptAndARefusedOneTouchesNothing) {
   EXPECT_EQ(std::distance(fs::directory_iterator(scratch.path), fs::directory_iterator()), 11);
 }
 
+TEST(CalibrationStore, AFullDiskLeavesTheGoodOneAndNoRubbish) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  store_calibration(file, record());
+  const std::string before = read_file_bytes(file, 1u << 20);
+  const pid_t child = ::fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    // Files may grow to this size only: what a full disk does to a write.
+    const rlimit tiny{100, 100};
+    ::signal(SIGXFSZ, SIG_IGN);
+    ::setrlimit(RLIMIT_FSIZE, &tiny);
+    CalibrationRecord next = record();
+    next.utc = "2026-11-29T10:00:00Z";
+    int status = 0;
+    try {
+      store_calibration(file, next);
+    } catch (const std::runtime_error& e) {
+      status = std::string(e.what()).find("nothing was changed") != std::string::npos ? 7 : 8;
+    }
+    ::_exit(status);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(WEXITSTATUS(status), 7);
+  EXPECT_EQ(read_file_bytes(file, 1u << 20), before);
+  EXPECT_EQ(std::distance(fs::directory_iterator(scratch.path), fs::directory_iterator()), 1) << "no half-written file stays";
+}
+
+TEST(CalibrationStore, ADamagedOneIsReplacedByTheNewestThatCanBeRead) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  EXPECT_THROW(restore_calibration(file), std::runtime_error) << "there is none";
+  CalibrationRecord r = record();
+  for (const char* utc : {"2026-11-28T09:00:00Z", "2026-11-29T09:00:00Z", "2026-11-30T09:00:00Z"}) r.utc = utc, store_calibration(file, r);
+  write_file_atomically(file, "half a fi");
+  write_file_atomically(scratch.path / "calibration.before-20261129T090000Z.toml", "torn, too");
+  EXPECT_EQ(restore_calibration(file).filename(), "calibration.before-20261128T090000Z.toml");
+  EXPECT_EQ(load_calibration(file).utc, "2026-11-28T09:00:00Z");
+  EXPECT_EQ(read_file_bytes(scratch.path / "calibration.replaced.toml", 1u << 20), "half a fi");
+}
+
+/// At true depth z a camera reads (1 + gain) z + offset: what the pipeline makes of a count is z again.
+TEST(CalibrationStore, WhatWasFoundOfDepthIsWhatThePipelineUndoes) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  store_calibration(file, record());
+  const hal::CameraDescription camera = load_calibration(file).cameras[2];
+  const fit::Camera seen = fit_camera(camera);
+  for (const double z : {1.0, 2.0, 3.5}) {
+    const double count = ((1 + 0.00123) * z - 0.0045) / camera.depth_scale;
+    EXPECT_NEAR(count * static_cast<double>(seen.depth_scale) + static_cast<double>(seen.depth_offset), z, 2e-6) << z;
+  }
+}
+
 TEST(CalibrationStore, NonsenseIsNamed) {
   const Scratch scratch;
   const fs::path file = scratch.path / "calibration.toml";
@@ -125,7 +186,7 @@ TEST(CalibrationStore, NonsenseIsNamed) {
     load_calibration(file);
     FAIL() << "a gain that is no number was taken";
   } catch (const std::runtime_error& e) {
-    EXPECT_THAT(e.what(), testing::HasSubstr("camera 1, depth_gain must be a number"));
+    EXPECT_THAT(e.what(), testing::HasSubstr("camera 'front-left' has a depth_gain outside -0.2 to 0.2"));
   }
   EXPECT_THROW(load_calibration(scratch.path / "absent.toml"), std::runtime_error);
 }

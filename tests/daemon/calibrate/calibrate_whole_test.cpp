@@ -8,8 +8,7 @@
 namespace booth::tests {
 namespace {
 
-/// Where the cameras stand to each other; the frame of the booth is not looked at: in the simulated booth of 4 m the board on the floor is not found, and the
-/// origin is the plan's (docs/design/calibration.md).
+/// Where the cameras stand to each other; in the booth's frame the board on the floor of 4 m is good for a third of a degree (docs/design/calibration.md).
 TEST(CalibrateVerb, ASimulatedBoothIsCalibratedAndAKnockedCameraIsFound) {
   const CalibrateProgram p;
   ASSERT_EQ(p.run("--simulate views --views 28").status, 0);

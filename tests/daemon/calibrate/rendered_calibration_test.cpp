@@ -135,6 +135,32 @@ TEST(RenderedCalibration, TheNextPlaceIsAPairThatLacksViews) {
   EXPECT_THAT(collector.next_place(), testing::StartsWith("hold the board between "));
 }
 
+/// An arm over the board and a lamp's image on it cost corners, never their places.
+TEST(BoardDetector, GlareAndPartialBoardsLoseCornersAndMoveNone) {
+  RenderedBooth booth(3, 5, 4);
+  int found = 0, whole = 0;
+  for (const auto& [hidden, glare] : {std::pair{0.0, 1.0}, {0.2, 0.0}, {0.4, 0.5}, {0.8, 0.0}}) {
+    const auto frames = booth.look(1, [&, h = hidden, g = glare](ShownBoard& s) { s.hidden = h, s.glare = g; });
+    for (std::size_t c = 0; c < 4; ++c) {
+      const Rigid pose = daemon::rigid_of(booth.real[c].camera_to_world).inverse() * booth.places[1];
+      if (pose.rotation.col(2).dot(pose.translation) > -0.3 * pose.translation.norm()) continue;  // seen from behind, or nearly edge on
+      const auto seen = daemon::detect_board({512, 424, frames[c].infrared});
+      if (hidden > 0.6) {
+        EXPECT_NE(seen.kind, daemon::BoardDetection::Kind::board) << "two columns are not enough";
+      }
+      if (seen.kind != daemon::BoardDetection::Kind::board) continue;
+      ++found, whole += seen.sighting.corner.size() == Board::kCorners;
+      const Lens lens = daemon::lens_of(booth.real[c].intrinsics);
+      for (std::size_t i = 0; i < seen.sighting.corner.size(); ++i) {
+        const Eigen::Vector2d truth = lens.project(pose * Board{}.corner(seen.sighting.corner[i]));
+        EXPECT_LE((seen.sighting.pixel.col(static_cast<Eigen::Index>(i)) - truth).norm(), 1.0)
+            << hidden << ' ' << glare << " corner " << seen.sighting.corner[i];
+      }
+    }
+  }
+  EXPECT_GT(found, whole) << "some boards were seen in part";
+}
+
 TEST(BoardDetector, AnEmptyRoomAndHostilePicturesHoldNoBoard) {
   std::vector<std::uint16_t> pixels(512 * 424, 0);
   EXPECT_EQ(daemon::detect_board({512, 424, pixels}).kind, daemon::BoardDetection::Kind::none);

@@ -16,6 +16,9 @@ TEST(LightRule, EachStateHasItsPattern) {
   EXPECT_EQ(light_of({.state = S::tracking}).pattern, P::tracking_on);
   EXPECT_EQ(light_of({.state = S::searching}).pattern, P::searching_slow_blink);
   EXPECT_EQ(light_of({.state = S::finishing}).pattern, P::saving_flash);
+  EXPECT_EQ(light_of({.state = S::calibrating, .cue = CaptureCue::search}).pattern, P::searching_slow_blink);
+  EXPECT_EQ(light_of({.state = S::calibrating, .cue = CaptureCue::hold_still}).pattern, P::estimating_fast_blink);
+  EXPECT_EQ(light_of({.state = S::calibrating, .cue = CaptureCue::captured}).pattern, P::tracking_on);
 }
 
 TEST(LightRule, NoTroubleIsWithoutALightOfItsOwn) {

@@ -84,6 +84,43 @@ class FakePanel final : public hal::Panel {
   std::vector<std::string> problems_;
 };
 
+/// A calibration that goes as far as a test lets it.
+class FakeCalibrator final : public Calibrator {
+ public:
+  std::string why_not() const override {
+    const std::lock_guard lock(mutex_);
+    return cannot;
+  }
+  void begin(const std::string& by) override {
+    const std::lock_guard lock(mutex_);
+    status_ = {};
+    status_.running = true;
+    status_.begun = ++begun_;
+    begun_by = by;
+  }
+  void cancel() override { end(CalibrationStatus::Outcome::cancelled); }
+  CalibrationStatus status() const override {
+    const std::lock_guard lock(mutex_);
+    return status_;
+  }
+
+  void sees(CaptureCue cue, int views) {
+    const std::lock_guard lock(mutex_);
+    status_.cue = cue, status_.views = views, status_.next = "hold the board between a and b";
+  }
+  void end(CalibrationStatus::Outcome outcome) {
+    const std::lock_guard lock(mutex_);
+    status_.running = false, status_.outcome = outcome, status_.sentence = "as the test says";
+  }
+
+  std::string cannot, begun_by;
+
+ private:
+  mutable std::mutex mutex_;
+  CalibrationStatus status_;
+  std::uint64_t begun_ = 0;
+};
+
 struct PanelLinkTest : ::testing::Test {
   void build(hal::Nanoseconds countdown = 0ns, hal::Nanoseconds pause = 60s) {
     for (int i = 0; i < 3; ++i) cameras.push_back(std::make_unique<tests::FakeCamera>("c" + std::to_string(i), clock, i * 8ms, 1'000'000, true));
@@ -92,6 +129,11 @@ struct PanelLinkTest : ::testing::Test {
     settings.limits = {.lost = 200ms, .search = 1s, .session = 60s, .estimate = 60s, .pause = pause, .countdown = countdown, .toggle_guard = 50ms};
     settings.minimum_cameras = 2;
     settings.models.men = tests::capsule_body();
+    settings.calibrator = calibrator;
+    settings.on_event = [this](const std::string& kind, const std::string& source, const std::string& text) {
+      const std::lock_guard lock(events_mutex);
+      happened.push_back(kind + " " + source + " " + text);
+    };
     controller = std::make_unique<Controller>(settings, clock);
     pipeline = std::make_unique<Pipeline>(Pipeline::Settings{.minimum_cameras = 2, .synchroniser = {}}, cameras, clock, fitter, *controller);
     controller->run(*pipeline, fitter, nullptr);
@@ -116,9 +158,17 @@ struct PanelLinkTest : ::testing::Test {
   std::filesystem::path directory = folder.path;
   hal::DepthCameras cameras;
   tests::FakeFitter fitter;
+  FakePanel panel;
+  FakeCalibrator fake;
+  Calibrator* calibrator = nullptr;  ///< none, or `fake`
+  std::mutex events_mutex;
+  std::vector<std::string> happened;
+  std::vector<std::string> told() {
+    const std::lock_guard lock(events_mutex);
+    return happened;
+  }
   std::unique_ptr<Controller> controller;
   std::unique_ptr<Pipeline> pipeline;
-  FakePanel panel;
   std::unique_ptr<PanelLink> link;
 };
 
@@ -170,11 +220,55 @@ TEST_F(PanelLinkTest, WallAndKeyboardAreOneQueue) {
   EXPECT_EQ(session_json()["reason"], "stop");
 }
 
-TEST_F(PanelLinkTest, ALongPressIsAnsweredAndChangesNothing) {
+TEST_F(PanelLinkTest, ALongPressBeginsACalibrationThatLightAndSoundGuide) {
+  calibrator = &fake;
+  build();
+  panel.press(TriggerKind::calibrate);
+  ASSERT_TRUE(reaches(SessionState::calibrating));
+  EXPECT_EQ(fake.begun_by, "gpio");
+  ASSERT_TRUE(shows({LightPattern::searching_slow_blink}));
+  fake.sees(CaptureCue::hold_still, 0);
+  ASSERT_TRUE(shows({LightPattern::estimating_fast_blink}));
+  fake.sees(CaptureCue::captured, 1);
+  ASSERT_TRUE(shows({LightPattern::tracking_on}));
+  EXPECT_TRUE(eventually([&] { return panel.played() == std::vector{hal::Sound::accepted, hal::Sound::accepted}; })) << "the press, and the view";
+  EXPECT_EQ(controller->request(SessionEvent::start, "control").text, "a calibration is running; stop it first") << "whoever steps in meanwhile";
+  EXPECT_EQ(controller->request(SessionEvent::calibrate, "dds").text, "a calibration is running already");
+  fake.end(CalibrationStatus::Outcome::stored);
+  ASSERT_TRUE(reaches(SessionState::idle));
+  EXPECT_TRUE(eventually([&] {
+    const auto played = panel.played();
+    return !played.empty() && played.back() == hal::Sound::ended;
+  }));
+  EXPECT_THAT(told(), ::testing::IsSupersetOf({"trigger gpio calibrate", "state gpio idle -> calibrating (calibrate)",
+                                               "state calibration stored: as the test says", "state calibration calibrating -> idle (calibration_over)"}));
+  EXPECT_TRUE(controller->request(SessionEvent::start, "control").accepted) << "and then the booth is as it was";
+  ASSERT_TRUE(reaches(SessionState::tracking));
+}
+
+TEST_F(PanelLinkTest, AShortPressAnEmergencyAndAStopEndACalibration) {
+  calibrator = &fake;
+  build();
+  for (const auto kind : {TriggerKind::toggle, TriggerKind::stop, TriggerKind::emergency_pressed}) {
+    ASSERT_TRUE(controller->request(SessionEvent::calibrate, "dds").accepted);
+    ASSERT_EQ(controller->state(), SessionState::calibrating);
+    panel.press(kind);
+    ASSERT_TRUE(reaches(SessionState::idle));
+    EXPECT_EQ(fake.status().outcome, CalibrationStatus::Outcome::cancelled);
+  }
+  EXPECT_EQ(controller->request(SessionEvent::calibrate, "dds").text, "the emergency stop is pressed; release it first");
+  panel.press(TriggerKind::emergency_released);
+  ASSERT_TRUE(shows({LightPattern::idle_steady}));
+  fake.cannot = "nobody says where the calibration belongs";
+  EXPECT_EQ(controller->request(SessionEvent::calibrate, "dds").text, fake.cannot);
+  EXPECT_EQ(controller->state(), SessionState::idle);
+}
+
+TEST_F(PanelLinkTest, ALongPressIsAnsweredWhereNothingCanBeCalibrated) {
   build();
   panel.press(TriggerKind::calibrate);
   EXPECT_TRUE(eventually([&] { return panel.played() == std::vector{hal::Sound::refused}; }));
-  EXPECT_EQ(controller->request(SessionEvent::calibrate, "test").text, "calibration is not available in this version");
+  EXPECT_EQ(controller->request(SessionEvent::calibrate, "test").text, "this booth has no cameras that can be calibrated");
   EXPECT_EQ(controller->state(), SessionState::idle);
   panel.press(TriggerKind::toggle);
   ASSERT_TRUE(reaches(SessionState::tracking));

@@ -17,17 +17,18 @@ constexpr hal::MonotonicTime at(std::chrono::duration<double> t) { return hal::M
 constexpr SessionMachine::Limits kLimits{.lost = 500ms, .search = 60s, .session = 600s, .estimate = 100s, .pause = 30s, .countdown = 0s, .toggle_guard = 500ms};
 
 TEST(SessionTable, SaysTheSameAsThisOne) {
-  // One letter for the next state (i e t s f c), '+' begins, '-' ends, '!' refuses. Columns: idle estimating tracking searching finishing countdown.
+  // One letter for the next state (i e t s f c, k for calibrating), '+' begins, '-' ends, '*' calibrates, '/' cancels that, '!' refuses. Columns: idle
+  // estimating tracking searching finishing countdown calibrating.
   const struct {
     E event;
     const char* row;
   } rows[] = {
-      {E::start, "c e! t! s! f! c!"},           {E::stop, "i! f- f- f- f i"},           {E::toggle, "c f- f- f- f! i"},
-      {E::emergency_pressed, "i f- f- f- f i"}, {E::emergency_released, "i e t s f c"}, {E::body_accepted, "i t t s f c"},
-      {E::person_lost, "i s s s f c"},          {E::person_found, "i e t t f c"},       {E::search_over, "i e t f- f c"},
-      {E::session_over, "i f- f- f- f c"},      {E::sources_ended, "i f- f- f- f i"},   {E::files_written, "i e t s i c"},
-      {E::countdown_over, "i e t s f e+"},      {E::estimate_over, "i f- t s f c"},     {E::pause_over, "i f- f- f- f c"},
-      {E::calibrate, "i! e! t! s! f! c!"},
+      {E::start, "c e! t! s! f! c! k!"},           {E::stop, "i! f- f- f- f i i/"},          {E::toggle, "c f- f- f- f! i i/"},
+      {E::emergency_pressed, "i f- f- f- f i i/"}, {E::emergency_released, "i e t s f c k"}, {E::body_accepted, "i t t s f c k"},
+      {E::person_lost, "i s s s f c k"},           {E::person_found, "i e t t f c k"},       {E::search_over, "i e t f- f c k"},
+      {E::session_over, "i f- f- f- f c k"},       {E::sources_ended, "i f- f- f- f i i/"},  {E::files_written, "i e t s i c k"},
+      {E::countdown_over, "i e t s f e+ k"},       {E::estimate_over, "i f- t s f c k"},     {E::pause_over, "i f- f- f- f c k"},
+      {E::calibrate, "k* e! t! s! f! c! k!"},      {E::calibration_over, "i e t s f c i"},
   };
   ASSERT_EQ(std::size(rows), static_cast<std::size_t>(kSessionEvents));
   for (const auto& [event, expected] : rows) {
@@ -35,9 +36,11 @@ TEST(SessionTable, SaysTheSameAsThisOne) {
     for (int s = 0; s < kSessionStates; ++s) {
       const SessionOutcome o = session_transition(static_cast<S>(s), event);
       EXPECT_EQ(o.event, event);
-      row += (s ? " " : "") + std::string(1, o.to == S::countdown ? 'c' : to_string(o.to)[0]);
+      row += (s ? " " : "") + std::string(1, o.to == S::calibrating ? 'k' : to_string(o.to)[0]);
       if (o.action == A::begin) row += '+';
       if (o.action == A::end) row += '-';
+      if (o.action == A::calibrate) row += '*';
+      if (o.action == A::cancel_calibration) row += '/';
       if (!o.refusal.empty()) row += '!';
     }
     EXPECT_EQ(row, expected) << to_string(event);
@@ -233,6 +236,11 @@ struct Explorer {
           b.open = false;
         }
         ASSERT_EQ(b.open, m.running()) << to_string(o.from) << " -> " << to_string(o.to) << " by " << to_string(o.event);
+        ASSERT_EQ(o.action == A::calibrate, o.from != S::calibrating && o.to == S::calibrating);
+        if (o.action == A::cancel_calibration) {
+          ASSERT_EQ(o.from, S::calibrating);
+          ASSERT_EQ(o.to, S::idle);
+        }
         if (!o.refusal.empty()) {
           ASSERT_FALSE(o.changed());
           ASSERT_EQ(o.action, A::none);
@@ -240,6 +248,7 @@ struct Explorer {
         if (b.latched) {
           ASSERT_FALSE(m.running());
           ASSERT_NE(m.state(), S::countdown);
+          ASSERT_NE(m.state(), S::calibrating);
         }
         if (depth > 1) explore(m, b, now + wait, depth - 1);
       }

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <functional>
+
 #include "tests/fit/calibrate/board_booth.hpp"
 
 namespace booth::tests {
@@ -147,6 +149,85 @@ TEST(Calibration, AFewMisreadPicturesAreLeftOut) {
   EXPECT_GE(c.left_out, 2);
   EXPECT_LE(c.left_out, 4);
   EXPECT_LE(worst(c, truth, false).position, 0.003);
+}
+
+/// Everything that an installer can do wrong, in one table, with the sentence that he reads. Rendered pictures of the same: rendered_calibration_test.
+TEST(Calibration, EachMistakeHasItsSentence) {
+  const auto nothing = [](CalibrationInput&) {};
+  const auto turned = [](const BoardBooth& truth) {
+    return Move{2, 10, {rotation_by(Eigen::Vector3d(0, 0, kDegree)) * truth.booth_from_camera[2].rotation, truth.booth_from_camera[2].translation}};
+  };
+  const struct {
+    const char* mistake;
+    BoardBoothSettings booth;
+    bool moved;
+    std::function<void(CalibrationInput&)> change;
+    Refusal refusal;
+    const char* sentence;
+  } rows[] = {
+      {"a mirrored print",
+       {},
+       false,
+       [](CalibrationInput& in) { in.sightings.clear(), in.mirrored_pictures = 20; },
+       Refusal::mirrored_print,
+       "the board is printed mirrored (seen so in 20 pictures)"},
+      {"another chessboard",
+       {},
+       false,
+       [](CalibrationInput& in) { in.sightings.clear(), in.foreign_pictures = 20; },
+       Refusal::foreign_board,
+       "another board was shown"},
+      {"nothing shown", {}, false, [](CalibrationInput& in) { in.sightings.clear(); }, Refusal::no_board, "no camera saw the board"},
+      {"squares of another size", {.square = 0.1}, false, nothing, Refusal::square_size, "by depth the board's squares measure 100"},
+      {"two serials exchanged",
+       {},
+       false,
+       [](CalibrationInput& in) { std::swap(in.expected[1], in.expected[2]); },
+       Refusal::cameras_swapped,
+       "back-left and back-right stand in each other's places"},
+      {"too few views", {.views = 5}, false, nothing, Refusal::too_few_views, "too few views: "},
+      {"a camera that sees nothing",
+       {},
+       false,
+       [](CalibrationInput& in) { std::erase_if(in.sightings, [](const Sighting& s) { return s.camera == 3; }); },
+       Refusal::too_few_views,
+       "too few views: "},
+      {"a camera knocked half-way", {}, true, nothing, Refusal::camera_moved, "back-right was moved before view "},
+      {"glare and blur that move corners", {.corner_noise = 1.2}, false, nothing, Refusal::inaccurate, "measured on views that were held out, corners are "},
+      {"boards of which hardly anything is seen",
+       {},
+       false,
+       [](CalibrationInput& in) {
+         for (Sighting& s : in.sightings)
+           s.corner.resize(std::min<std::size_t>(s.corner.size(), 4)), s.pixel.conservativeResize(2, std::min<Eigen::Index>(s.pixel.cols(), 4));
+       },
+       Refusal::no_board,
+       "no camera saw the board"},
+      {"a stage full of things",
+       {},
+       false,
+       [](CalibrationInput& in) {
+         for (auto& r : in.room) r.clear();
+       },
+       Refusal::no_floor,
+       "no floor was found"},
+      {"neither a plan nor a board on the floor",
+       {.on_floor = false},
+       false,
+       [](CalibrationInput& in) { in.expected.clear(); },
+       Refusal::no_floor,
+       "nothing says where the stage's middle is"},
+  };
+  for (const auto& row : rows) {
+    BoardBooth truth;
+    if (row.moved) (void)show_boards(row.booth, truth);
+    const Move move = row.moved ? turned(truth) : Move{};
+    CalibrationInput in = show_boards(row.booth, truth, row.moved ? &move : nullptr);
+    row.change(in);
+    const Calibration c = calibrate(in);
+    EXPECT_EQ(to_string(c.refusal), std::string(to_string(row.refusal))) << row.mistake << ": " << c.sentence;
+    EXPECT_THAT(c.sentence, testing::StartsWith(row.sentence)) << row.mistake;
+  }
 }
 
 TEST(Calibration, PicturesWithoutAnyUseAreRefusedWithTheReason) {

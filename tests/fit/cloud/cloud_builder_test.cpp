@@ -94,6 +94,7 @@ TEST(PixelRays, RefusesImpossibleCameras) {
   refuse([](Camera& c) { c.fx = std::nanf(""); });
   refuse([](Camera& c) { c.cy = INFINITY; });
   refuse([](Camera& c) { c.depth_scale = 0; });
+  refuse([](Camera& c) { c.depth_offset = std::nanf(""); });
   refuse([](Camera& c) { c.distortion[1] = std::nanf(""); });
   refuse([](Camera& c) { c.rotation(0, 0) += 0.1f; });
   refuse([](Camera& c) { c.rotation.row(2) *= -1; });
@@ -101,6 +102,44 @@ TEST(PixelRays, RefusesImpossibleCameras) {
   EXPECT_THROW(CloudBuilder({}, {}), std::invalid_argument);
   EXPECT_THROW(CloudBuilder({.stage_radius = -1}, {good}), std::invalid_argument);
   EXPECT_THROW(CloudBuilder({.voxel = 0}, {good}), std::invalid_argument);
+}
+
+/// Cameras that read too near or too far by a few millimetres, and say so: the cloud is that of cameras that read right.
+TEST(CloudBuilder, UndoesWhatACalibrationFoundOfACamerasDepth) {
+  Scene scene;
+  scene.add_person(0.1f, -0.2f);
+  const auto rig = booth_cameras();
+  BoothFrame frame(scene, rig);
+  const auto off_surface = [&](const std::vector<Camera>& cameras) {
+    CloudBuilder builder({}, cameras);
+    const Built built(builder, frame.inputs);
+    double sum = 0, n = 0;
+    for (int i = 0; i < built.observation.cloud.size; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      const Eigen::Vector3f p(built.observation.cloud.x[k], built.observation.cloud.y[k], built.observation.cloud.z[k]);
+      float nearest = 1;
+      for (const auto& c : scene.capsules) {
+        const Eigen::Vector3f axis = c.b - c.a;
+        const float t = std::clamp(axis.dot(p - c.a) / std::max(axis.squaredNorm(), 1e-9f), 0.0f, 1.0f);
+        nearest = std::min(nearest, std::abs((p - c.a - t * axis).norm() - c.radius));
+      }
+      sum += static_cast<double>(nearest), ++n;
+    }
+    return n > 0 ? 1000 * sum / n : 1e9;
+  };
+  const double right = off_surface(rig);
+  std::vector<Camera> told = rig;
+  for (std::size_t c = 0; c < 4; ++c) {
+    const double gain = 0.004 * (c % 2 == 0 ? 1 : -1), offset = 0.006 * (static_cast<double>(c) - 1.5);
+    for (auto& count : frame.images[c].depth)
+      if (count > 0) count = static_cast<std::uint16_t>(std::lround((1 + gain) * count + 1000 * offset));
+    told[c].depth_scale = static_cast<float>(0.001 / (1 + gain));
+    told[c].depth_offset = static_cast<float>(-offset / (1 + gain));
+  }
+  const double wrong = off_surface(rig), corrected = off_surface(told);
+  std::printf("off the surface: %.2f mm with right cameras, %.2f mm with wrong ones, %.2f mm with corrected ones\n", right, wrong, corrected);
+  EXPECT_GT(wrong, right + 2);
+  EXPECT_LT(corrected, right + 0.3);
 }
 
 TEST(CloudBuilder, FindsThePersonAndNothingElse) {
