@@ -35,8 +35,8 @@ namespace kinect2 = drivers::kinect2;
 struct Position {
   std::string name, serial;
   hal::RigidTransform camera_to_world;
-  double late = 0;  ///< seconds
   double depth_gain = 0, depth_offset = 0;
+  double late = 0;  ///< seconds
 };
 
 std::string found_serials(drivers::usb::Bus& bus) {
