@@ -9,13 +9,13 @@ start_udev() {
   /lib/systemd/systemd-udevd --daemon 2>/dev/null || fail "udev does not start"
   udevadm trigger --action=add --subsystem-match=usb && udevadm settle --timeout=10
 }
-# within SECONDS COMMAND...: tries until it succeeds
+# within SECONDS COMMAND...: tries until it succeeds; not often, because a start of boothctl costs the guest a tenth of a second and more
 within() {
   local end=$((SECONDS + $1))
   shift
   until "$@" >/dev/null 2>&1; do
     [ "$SECONDS" -lt "$end" ] || return 1
-    sleep 0.1
+    sleep 0.5
   done
 }
 # The host's clock, seconds: the guest's stands still in virtual time. BOOTH_FOLDER is the host's, seen by the guest.

@@ -1,18 +1,17 @@
 # Scenario: the power goes away.
 # does: the guest loses its power in each state of a session, and its disk whatever was not brought to it; after each boot nothing is lost that was acknowledged
-# kernel: time-travel=inf-cpu
-# limit: 100
+# limit: 200
 # disk: 96M
 # times: 1
 # needs: boothd boothctl
-# One boot for each cut: look at what the last one left, then do the next thing and ask for the cut. BOOTH_TIMES cuts in each of six states.
+# In real time: virtual time leaps ahead while the guest waits for its disk. One boot for each cut: look at what the last one left, then do the next thing and ask for the cut. BOOTH_TIMES cuts in each of six states.
 set -eu
 bin=$BOOTH_BUILD/bin
 disk=/run/booth/disk
 book=$BOOTH_FOLDER/book
 states=(idle countdown estimating tracking searching finishing)
 mkdir -p $disk
-if [ ! -e "$book" ]; then mkfs.ext4 -q /dev/ubda >/dev/null 2>&1 || fail "no file system on the disk; install e2fsprogs"; echo 0 >"$book"; fi
+if [ ! -e "$book" ]; then mkfs.ext4 -q -E nodiscard /dev/ubda >/dev/null 2>&1 || fail "no file system on the disk; install e2fsprogs"; echo 0 >"$book"; fi
 mount -t ext4 -o commit=30 /dev/ubda $disk || { dmesg | tail -5; fail "the disk's file system cannot be mounted after the cut"; }
 cut=$(tail -1 "$book")
 state=${states[$((cut % 6))]}
@@ -108,5 +107,4 @@ mv "$BOOTH_FOLDER/acknowledged.new" "$BOOTH_FOLDER/acknowledged"
 echo $((cut + 1)) >>"$book"
 sync -f "$BOOTH_FOLDER/book" 2>/dev/null || sync "$book" "$BOOTH_FOLDER/acknowledged"
 : >"$BOOTH_FOLDER/cut"
-# Not a sleep: in virtual time it would be over at once, and the guest would end in good order.
-while :; do :; done
+sleep 1000
