@@ -197,7 +197,7 @@ FaultRow full_disk(FaultPlan& plan) {
   FaultRow row{.fault = "the disk is full when a session begins, and fills while one runs", .expected = "boothd lives on with an alarm, a live session is told as such, and with room again the next is saved"};
   const fs::path folder = plan.folder / "full";
   fs::create_directories(folder / "sessions");
-  if (::mount("booth-faults", (folder / "sessions").c_str(), "tmpfs", 0, "size=3m") != 0) {
+  if (::mount("booth-faults", (folder / "sessions").c_str(), "tmpfs", 0, "size=40m") != 0) {
     row.skipped = "no file system can be mounted here (root is needed)";
     return row;
   }

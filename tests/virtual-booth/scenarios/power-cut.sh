@@ -11,6 +11,8 @@ disk=/run/booth/disk
 book=$BOOTH_FOLDER/book
 states=(idle countdown estimating tracking searching finishing)
 mkdir -p $disk
+# User Mode Linux's disk cannot write zeros in one step, and says so each time.
+echo 1 >/proc/sys/kernel/printk
 if [ ! -e "$book" ]; then mkfs.ext4 -q -E nodiscard /dev/ubda >/dev/null 2>&1 || fail "no file system on the disk; install e2fsprogs"; echo 0 >"$book"; fi
 mount -t ext4 -o commit=30 /dev/ubda $disk || { dmesg | tail -5; fail "the disk's file system cannot be mounted after the cut"; }
 cut=$(tail -1 "$book")
@@ -26,7 +28,7 @@ cameras.synthetic.motion = "a-pose"
 fit.sex = "men"
 fit.threads = 1
 EOT
-[ "$state" = countdown ] && echo 'session.countdown_seconds = 3' >>boothd.toml
+[ "$state" = countdown ] && echo 'session.countdown_seconds = 60' >>boothd.toml
 # A stage beside the person: nobody is found.
 [ "$state" = searching ] && printf 'stage.centre_x = 9\nsession.lost_seconds = 0.1\n' >>boothd.toml
 
@@ -84,14 +86,13 @@ begin_session() {
 running() { acknowledge running "$(basename "$(status | grep -o '"session_folder":"[^"]*"' | cut -d'"' -f4)")" "$(status | grep -o '"frames":[0-9]*' | head -1 | cut -d: -f2)"; }
 case $state in
   idle)
-    begin_session estimating
-    within 60 eval '[ "$(state_now)" = tracking ]' || fail "cut $cut: nobody is tracked"
+    begin_session tracking
     ctl stop --wait >/dev/null
     folder=$(ls -td $disk/sessions/*/ | head -1)
     acknowledge complete "$(basename "$folder")" "$(sum "$folder")"
     ;;
-  countdown) ctl start >/dev/null; within 10 eval '[ "$(state_now)" = countdown ]' || fail "cut $cut: no countdown" ;;
-  estimating) begin_session estimating; running ;;
+  countdown) ctl start >/dev/null; within 60 eval '[ "$(state_now)" = countdown ]' || fail "cut $cut: no countdown" ;;
+  estimating) ctl start >/dev/null || fail "cut $cut: a session is refused"; sleep "$(awk -v r=$RANDOM 'BEGIN { print r / 32768 }')"; running ;;
   tracking) begin_session tracking; sleep "$(awk -v r=$RANDOM 'BEGIN { print 1.5 + r / 16384 }')"; running ;;
   searching) begin_session searching; sleep "$(awk -v r=$RANDOM 'BEGIN { print r / 16384 }')"; running ;;
   finishing)
