@@ -32,7 +32,9 @@ bool clock_believed(const std::filesystem::path& directory, std::int64_t now) {
   const Seen before = read(directory);
   Seen after{now, 0};
   // Differences of unsigned numbers: a damaged file must not overflow.
-  const auto later = [&](std::int64_t than, std::int64_t days) { return now > than && static_cast<std::uint64_t>(now - than) > static_cast<std::uint64_t>(days * kDay); };
+  const auto later = [&](std::int64_t than, std::int64_t days) {
+    return now > than && static_cast<std::uint64_t>(now - than) > static_cast<std::uint64_t>(days * kDay);
+  };
   bool believed = true;
   if (before.believed != 0 && later(before.believed, kClockLeapDays)) {
     const bool doubted_before = before.doubted_since != 0 && now >= before.doubted_since && !later(before.doubted_since, kClockLeapDays);
@@ -41,7 +43,8 @@ bool clock_believed(const std::filesystem::path& directory, std::int64_t now) {
   }
   try {
     std::error_code error;
-    if (std::filesystem::is_directory(directory, error)) write_file_atomically(directory / kName, fmt::format("{} {}\n", after.believed, after.doubted_since), 0600);
+    if (std::filesystem::is_directory(directory, error))
+      write_file_atomically(directory / kName, fmt::format("{} {}\n", after.believed, after.doubted_since), 0600);
   } catch (const std::exception&) {  // a full disk; the next look will do
   }
   return believed;

@@ -51,7 +51,8 @@ void check_config(const fs::path& folder, const fs::path& file, const std::vecto
 }  // namespace
 
 FaultRow configuration_changed(FaultPlan& plan) {
-  FaultRow row{.fault = "a byte of the configuration changed, region by region", .expected = "refused with file and line (status 78, no further start), or still a valid configuration"};
+  FaultRow row{.fault = "a byte of the configuration changed, region by region",
+               .expected = "refused with file and line (status 78, no further start), or still a valid configuration"};
   const fs::path file = plan.folder / "changed.toml";
   std::ofstream(file) << R"(# A booth as it may stand in a museum.
 [booth]
@@ -85,7 +86,9 @@ chip = ""
 enabled = false
 )";
   Judged judged;
-  with_each_region_changed(file, plan.regions, plan.random, [&](std::size_t at) { check_config(plan.folder, file, {"--config", file.string()}, at, row, judged); });
+  with_each_region_changed(file, plan.regions, plan.random, [&](std::size_t at) {
+    check_config(plan.folder, file, {"--config", file.string()}, at, row, judged);
+  });
   row.seen = judged.text();
   return row;
 }
@@ -94,7 +97,8 @@ FaultRow model_changed(FaultPlan& plan) {
   FaultRow row{.fault = "a byte of a model file changed, region by region", .expected = "refused with the file's name (status 78)"};
   const fs::path models = plan.folder / "models", sound = daemon::find_models("");
   fs::create_directories(models);
-  for (const char* name : {"men.npz", "women.npz", "pose.npz", "test_bodies.npz"}) fs::copy_file(sound / name, models / name, fs::copy_options::overwrite_existing);
+  for (const char* name : {"men.npz", "women.npz", "pose.npz", "test_bodies.npz"})
+    fs::copy_file(sound / name, models / name, fs::copy_options::overwrite_existing);
   Judged judged;
   for (const char* name : {"men.npz", "women.npz", "pose.npz"}) {
     const fs::path file = models / name;
@@ -115,8 +119,8 @@ FaultRow calibration_changed(FaultPlan& plan) {
   Judged judged;
   with_each_region_changed(file, plan.regions, plan.random, [&](std::size_t at) {
     check_config(plan.folder, file,
-                 {"--set", "cameras.driver=kinect2-emulated", "--set", "cameras.kinect2.calibration=" + file.string(), "--set", "cameras.kinect2.cache=" + (plan.folder / "cache").string(),
-                  "--set", "dds.enabled=false"},
+                 {"--set", "cameras.driver=kinect2-emulated", "--set", "cameras.kinect2.calibration=" + file.string(), "--set",
+                  "cameras.kinect2.cache=" + (plan.folder / "cache").string(), "--set", "dds.enabled=false"},
                  at, row, judged);
   });
   row.seen = judged.text();
@@ -184,9 +188,12 @@ FaultRow sessions_changed(FaultPlan& plan) {
           return 1;
         }
       });
-      if (reading.status == 0) ++readable;
-      else if (reading.status == 1) ++unreadable;
-      else row.wrong.push_back(fmt::format("{}: reading the session ends with {}", place, reading.status));
+      if (reading.status == 0)
+        ++readable;
+      else if (reading.status == 1)
+        ++unreadable;
+      else
+        row.wrong.push_back(fmt::format("{}: reading the session ends with {}", place, reading.status));
     });
   }
   row.seen = fmt::format("{} of the damaged sessions can be read, {} are refused with a sentence", readable, unreadable);
@@ -194,7 +201,8 @@ FaultRow sessions_changed(FaultPlan& plan) {
 }
 
 FaultRow full_disk(FaultPlan& plan) {
-  FaultRow row{.fault = "the disk is full when a session begins, and fills while one runs", .expected = "boothd lives on with an alarm, a live session is told as such, and with room again the next is saved"};
+  FaultRow row{.fault = "the disk is full when a session begins, and fills while one runs",
+               .expected = "boothd lives on with an alarm, a live session is told as such, and with room again the next is saved"};
   const fs::path folder = plan.folder / "full";
   fs::create_directories(folder / "sessions");
   if (::mount("booth-faults", (folder / "sessions").c_str(), "tmpfs", 0, "size=40m") != 0) {
@@ -230,6 +238,7 @@ FaultRow full_disk(FaultPlan& plan) {
       ++row.times;
     }
     if (booth.unit().state().starts != starts) row.wrong.push_back("boothd ended");
+    row.seen = fmt::format("{} sessions kept that were complete", booth.ledger.sessions());
     booth.unit().stop();
   }
   ::umount2((folder / "sessions").c_str(), MNT_DETACH);
@@ -237,8 +246,15 @@ FaultRow full_disk(FaultPlan& plan) {
 }
 
 const std::vector<Fault>& all_faults() {
-  static const std::vector<Fault> out{{"kill", killed},          {"stop", stopped},        {"processor", processor_stolen},      {"memory", memory_limit},  {"disk", full_disk},
-                                      {"configuration", configuration_changed}, {"models", model_changed}, {"calibration", calibration_changed}, {"sessions", sessions_changed}};
+  static const std::vector<Fault> out{{"kill", killed},
+                                      {"stop", stopped},
+                                      {"processor", processor_stolen},
+                                      {"memory", memory_limit},
+                                      {"disk", full_disk},
+                                      {"configuration", configuration_changed},
+                                      {"models", model_changed},
+                                      {"calibration", calibration_changed},
+                                      {"sessions", sessions_changed}};
   return out;
 }
 

@@ -87,7 +87,8 @@ FaultRow killed(FaultPlan& plan) {
 }
 
 FaultRow stopped(FaultPlan& plan) {
-  FaultRow row{.fault = "kill -STOP of boothd at a random moment", .expected = "the watchdog ends it and it is started again; nothing is lost but the last second"};
+  FaultRow row{.fault = "kill -STOP of boothd at a random moment",
+               .expected = "the watchdog ends it and it is started again; nothing is lost but the last second"};
   Rounds{plan, row, [](pid_t pid) { ::kill(pid, SIGSTOP); }}.all("stop");
   return row;
 }
@@ -126,7 +127,8 @@ FaultRow processor_stolen(FaultPlan& plan) {
 }
 
 FaultRow memory_limit(FaultPlan& plan) {
-  FaultRow row{.fault = "not a page more memory, from a random moment of a session on", .expected = "goes on with what it has, or is started again; nothing is lost but the last second"};
+  FaultRow row{.fault = "not a page more memory, from a random moment of a session on",
+               .expected = "goes on with what it has, or is started again; nothing is lost but the last second"};
   int lived = 0;
   Booth booth(plan.folder / "memory");
   booth.unit().start();

@@ -38,7 +38,8 @@ void print_text(std::ostream& out, const FaultRow& row) {
 void print_markdown(std::ostream& out, const std::vector<FaultRow>& rows) {
   out << "| fault | expected | times | READY, s | whole, s | seen |\n|---|---|---|---|---|---|\n";
   for (const auto& row : rows)
-    out << fmt::format("| {} | {} | {} | {} | {} | {} |\n", row.fault, row.expected, row.times, seconds(row.ready_worst), seconds(row.whole_worst), verdict(row));
+    out << fmt::format("| {} | {} | {} | {} | {} | {} |\n", row.fault, row.expected, row.times, seconds(row.ready_worst), seconds(row.whole_worst),
+                       verdict(row));
 }
 
 void print_json(std::ostream& out, const std::vector<FaultRow>& rows) {

@@ -100,8 +100,12 @@ class Soak {
     const auto begin = Clock::now();
     bool again = true;
     switch (kind) {
-      case 0: ::kill(before.pid, SIGKILL); break;
-      case 1: ::kill(before.pid, SIGSTOP); break;
+      case 0:
+        ::kill(before.pid, SIGKILL);
+        break;
+      case 1:
+        ::kill(before.pid, SIGSTOP);
+        break;
       case 2:
         ::kill(before.pid, SIGSTOP);
         std::this_thread::sleep_for(3s);
@@ -120,7 +124,8 @@ class Soak {
       }
       verdict_.ready_worst = std::max(verdict_.ready_worst, std::chrono::duration<double>(booth_.unit().state().ready_at - begin).count());
     }
-    if (!eventually([&] { return booth_.whole() && booth_.state() == "idle"; }, kPatience)) wrong(fmt::format("boothd does not work again after {}", kinds[kind]));
+    if (!eventually([&] { return booth_.whole() && booth_.state() == "idle"; }, kPatience))
+      wrong(fmt::format("boothd does not work again after {}", kinds[kind]));
   }
 
   void sample(const nlohmann::json& status) {
@@ -136,8 +141,8 @@ class Soak {
     s.fps = status.value("fps", 0.0);
     if (s.resident_kb <= 0 || s.descriptors <= 0) return;
     verdict_.samples.push_back(s);
-    out_ << fmt::format("{:7.0f} s  session {}  {:.1f} MiB  {:.0f} descriptors  {:.0f} threads  p99 {:.1f} ms  {:.1f} frames/s\n", s.at, verdict_.sessions, s.resident_kb / 1024,
-                        s.descriptors, s.threads, s.p99_ms, s.fps);
+    out_ << fmt::format("{:7.0f} s  session {}  {:.1f} MiB  {:.0f} descriptors  {:.0f} threads  p99 {:.1f} ms  {:.1f} frames/s\n", s.at, verdict_.sessions,
+                        s.resident_kb / 1024, s.descriptors, s.threads, s.p99_ms, s.fps);
     out_.flush();
   }
 
@@ -153,7 +158,12 @@ class Soak {
       std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
       return values[values.size() / 2];
     };
-    return {from, median(&SoakSample::resident_kb), median(&SoakSample::descriptors), median(&SoakSample::threads), median(&SoakSample::p99_ms), median(&SoakSample::fps)};
+    return {from,
+            median(&SoakSample::resident_kb),
+            median(&SoakSample::descriptors),
+            median(&SoakSample::threads),
+            median(&SoakSample::p99_ms),
+            median(&SoakSample::fps)};
   }
 
   void judge() {
@@ -203,24 +213,29 @@ std::string faults_text(const SoakVerdict& v) {
 SoakVerdict soak(const SoakPlan& plan, std::ostream& out) { return Soak(plan, out).run(); }
 
 void print_text(std::ostream& out, const SoakVerdict& v) {
-  out << fmt::format("soak of {:.0f} s: {} sessions, faults: {}; {} starts, READY at most {:.1f} s after a fault\n", v.seconds, v.sessions, faults_text(v), v.starts, v.ready_worst);
+  out << fmt::format("soak of {:.0f} s: {} sessions, faults: {}; {} starts, READY at most {:.1f} s after a fault\n", v.seconds, v.sessions, faults_text(v),
+                     v.starts, v.ready_worst);
   for (const auto& line : lines(v)) out << fmt::format("  {:<22} first {:8.1f}  last {:8.1f}  {}\n", line.what, line.first, line.last, line.bound);
   for (const auto& sentence : v.wrong) out << "  WRONG " << sentence << "\n";
   if (v.wrong.empty()) out << "  as expected\n";
 }
 
 std::string to_markdown(const SoakVerdict& v) {
-  std::string out = fmt::format("{:.2f} hours, {} sessions, faults: {}; {} starts of boothd, READY at most {:.1f} s after a fault. {}\n\n| | first window | last window | allowed |\n|---|---|---|---|\n",
-                                v.seconds / 3600, v.sessions, faults_text(v), v.starts, v.ready_worst, v.wrong.empty() ? "As expected." : "**Wrong:** " + v.wrong.front());
+  std::string out = fmt::format(
+      "{:.2f} hours, {} sessions, faults: {}; {} starts of boothd, READY at most {:.1f} s after a fault. {}\n\n| | first window | last window | allowed "
+      "|\n|---|---|---|---|\n",
+      v.seconds / 3600, v.sessions, faults_text(v), v.starts, v.ready_worst, v.wrong.empty() ? "As expected." : "**Wrong:** " + v.wrong.front());
   for (const auto& line : lines(v)) out += fmt::format("| {} | {:.1f} | {:.1f} | {} |\n", line.what, line.first, line.last, line.bound);
   return out;
 }
 
 std::string to_json(const SoakVerdict& v) {
-  nlohmann::json j{{"seconds", v.seconds}, {"sessions", v.sessions}, {"starts", v.starts}, {"ready_worst_seconds", v.ready_worst}, {"faults", v.faults}, {"wrong", v.wrong}};
+  nlohmann::json j{{"seconds", v.seconds}, {"sessions", v.sessions}, {"starts", v.starts}, {"ready_worst_seconds", v.ready_worst},
+                   {"faults", v.faults},   {"wrong", v.wrong}};
   for (const auto& line : lines(v)) j["compared"].push_back({{"what", line.what}, {"first", line.first}, {"last", line.last}, {"allowed", line.bound}});
   for (const auto& s : v.samples)
-    j["samples"].push_back({{"at", s.at}, {"resident_kb", s.resident_kb}, {"descriptors", s.descriptors}, {"threads", s.threads}, {"p99_ms", s.p99_ms}, {"fps", s.fps}});
+    j["samples"].push_back(
+        {{"at", s.at}, {"resident_kb", s.resident_kb}, {"descriptors", s.descriptors}, {"threads", s.threads}, {"p99_ms", s.p99_ms}, {"fps", s.fps}});
   return j.dump(2) + "\n";
 }
 

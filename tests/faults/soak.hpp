@@ -13,8 +13,8 @@ namespace booth::tests {
 struct SoakPlan {
   std::filesystem::path folder;
   std::chrono::seconds length{7200};
-  double window = 10;               ///< minutes, at each end
-  double session = 30, idle = 5;    ///< seconds of a session, and from its end to the next
+  double window = 10;                   ///< minutes, at each end
+  double session = 30, idle = 5;        ///< seconds of a session, and from its end to the next
   std::vector<std::string> settings{};  ///< of boothd, key=value
   std::uint64_t seed = 1;
   bool no_faults = false;

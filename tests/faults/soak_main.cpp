@@ -10,8 +10,9 @@
 
 int main(int argc, char** argv) {
   using namespace booth::tests;
-  CLI::App app{"A long run of boothd with simulated cameras: sessions, idle, faults on a schedule; memory, descriptors, threads and latency, first against last.",
-               "booth-soak"};
+  CLI::App app{
+      "A long run of boothd with simulated cameras: sessions, idle, faults on a schedule; memory, descriptors, threads and latency, first against last.",
+      "booth-soak"};
   SoakPlan plan;
   std::string json, markdown;
   double hours = 2;
@@ -19,7 +20,9 @@ int main(int argc, char** argv) {
   app.add_option("--window", plan.window, "Minutes at the beginning and at the end that are compared")->check(CLI::Range(0.02, 600.0));
   app.add_option("--session", plan.session, "Seconds of a session")->check(CLI::Range(0.5, 3600.0));
   app.add_option("--idle", plan.idle, "Seconds from the end of a session to the next")->check(CLI::Range(0.0, 86400.0));
-  app.add_option("--set", plan.settings, "key=value of boothd's configuration; may be given several times")->expected(1)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  app.add_option("--set", plan.settings, "key=value of boothd's configuration; may be given several times")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   app.add_option("--seed", plan.seed, "Of the schedule");
   app.add_flag("--no-faults", plan.no_faults, "Sessions and idle only, in one process from begin to end");
   app.add_option("--json", json, "Samples and verdict");

@@ -15,10 +15,10 @@ namespace booth::tests {
 
 /// The figures of systemd/boothd.service; a test compares the two.
 struct UnitRules {
-  std::chrono::milliseconds watchdog{6000};                 ///< WatchdogSec
-  std::chrono::milliseconds restart{1000};                  ///< RestartSec
-  std::chrono::milliseconds abort{5000};                    ///< TimeoutAbortSec
-  std::vector<int> no_restart{64, 78};                      ///< RestartPreventExitStatus
+  std::chrono::milliseconds watchdog{6000};  ///< WatchdogSec
+  std::chrono::milliseconds restart{1000};   ///< RestartSec
+  std::chrono::milliseconds abort{5000};     ///< TimeoutAbortSec
+  std::vector<int> no_restart{64, 78};       ///< RestartPreventExitStatus
 };
 
 /// One service. Threads: any thread may call.
@@ -26,13 +26,13 @@ class Unit {
  public:
   using Clock = std::chrono::steady_clock;
   struct State {
-    pid_t pid = -1;              ///< -1: no process at the moment
-    std::uint64_t starts = 0;    ///< processes so far
-    std::uint64_t watchdogs = 0; ///< times that the watchdog ended one
-    bool ready = false;          ///< this process has said READY=1
-    bool failed = false;         ///< it is not tried again
+    pid_t pid = -1;               ///< -1: no process at the moment
+    std::uint64_t starts = 0;     ///< processes so far
+    std::uint64_t watchdogs = 0;  ///< times that the watchdog ended one
+    bool ready = false;           ///< this process has said READY=1
+    bool failed = false;          ///< it is not tried again
     Clock::time_point ready_at{};
-    int last_status = 0;         ///< of wait(2), of the process before
+    int last_status = 0;  ///< of wait(2), of the process before
   };
 
   /// `command`: program and arguments. `folder`: for the notify socket and "boothd.log". Nothing is started yet.

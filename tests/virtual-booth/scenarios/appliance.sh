@@ -3,6 +3,7 @@
 # kernel: time-travel=inf-cpu systemd.show_status=no
 # limit: 600
 # init: systemd
+# tools: /lib/systemd/systemd jq ip
 # needs: usb_sensors light_watch boothd boothctl
 set -eu
 ctl() { ip netns exec visitor boothctl "$@"; }

@@ -2,6 +2,7 @@
 # does: during a session the DDS network is cut, taken down and put back, and the clock leaps by years forwards and back: the session goes on, sessions are kept
 # kernel: time-travel=inf-cpu
 # limit: 200
+# tools: ip
 # needs: boothd boothctl
 set -eu
 bin=$BOOTH_BUILD/bin
