@@ -1,8 +1,8 @@
 # Scenario: hours in a minute.
 # does: boothd watches an empty room for hours of the guest's clock, under the rules of its unit, with a session and a fault now and then; nothing grows
 # kernel: time-travel=inf-cpu
-# limit: 280
-# times: 10
+# limit: 900
+# times: 5
 # needs: booth-soak boothd
 # BOOTH_TIMES minutes of the guest's clock. One sensor with a frame a second: each frame costs the host what it costs anywhere.
 set -eu
