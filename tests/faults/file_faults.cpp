@@ -225,7 +225,7 @@ FaultRow full_disk(FaultPlan& plan) {
       const auto begun = booth.ask("start");
       if (!begun || !begun->value("ok", false)) row.wrong.push_back("with a full disk a session is refused");
       const auto begin = Unit::Clock::now();
-      std::this_thread::sleep_for(5s);
+      std::this_thread::sleep_for(3s);
       booth.ask("stop");
       if (!booth.becomes("idle", kPatience)) row.wrong.push_back("with a full disk a session does not end");
       const auto status = booth.ask("status");
