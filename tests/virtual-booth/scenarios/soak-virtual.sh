@@ -1,5 +1,5 @@
-# Scenario: hours in a minute.
-# does: boothd watches an empty room for hours of the guest's clock, under the rules of its unit, with a session and a fault now and then; nothing grows
+# Scenario: a long run in virtual time.
+# does: boothd watches an empty room for minutes or hours of the guest's clock, under the rules of its unit, with a session and a fault now and then; nothing grows
 # kernel: time-travel=inf-cpu
 # limit: 900
 # times: 5
