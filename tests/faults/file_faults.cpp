@@ -250,10 +250,14 @@ FaultRow full_disk(FaultPlan& plan) {
     if (!booth.unit().wait_ready(0, kPatience) || !booth.visit(1s, why)) row.wrong.push_back("no session before the disk is full: " + why);
     const auto starts = booth.unit().state().starts;
     for (const std::size_t leave : {std::size_t{0}, std::size_t{8192}, std::size_t{200'000}}) {
+      const auto begin = Unit::Clock::now();
+      const auto since = [&] { return std::chrono::duration<double>(Unit::Clock::now() - begin).count(); };
       fill(leave);
       const auto begun = booth.ask("start");
       if (!begun || !begun->value("ok", false)) row.wrong.push_back("with a full disk a session is refused");
-      const auto begin = Unit::Clock::now();
+      row.ready(since());
+      if (!eventually([&] { return booth.whole(); }, kPatience)) row.wrong.push_back("with a full disk the cameras do not run");
+      row.whole(since());
       std::this_thread::sleep_for(3s);
       booth.ask("stop");
       if (!booth.becomes("idle", kPatience)) row.wrong.push_back("with a full disk a session does not end");
@@ -261,8 +265,6 @@ FaultRow full_disk(FaultPlan& plan) {
       if (leave == 0 && (!status || status->value("alarm", "").empty())) row.wrong.push_back("a full disk raises no alarm");
       fs::remove(folder / "sessions/filler");
       if (!booth.visit(2s, why)) row.wrong.push_back("with room again: " + why);
-      row.ready(0);
-      row.whole(booth.whole() ? 0 : std::chrono::duration<double>(Unit::Clock::now() - begin).count());
       for (auto& sentence : booth.ledger.check()) row.wrong.push_back(sentence);
       ++row.times;
     }
