@@ -99,16 +99,19 @@ void AtomicFile::commit() {
     fail("put in place");
   }
   // Without this the new name may be lost with the power although the contents are safe.
-  const int folder = ::open(folder_of(path_).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (folder < 0) fail("flush the folder of");
-  const int synced = ::fsync(folder);
-  const int reason = errno;
-  ::close(folder);
-  // Some file systems (network mounts among them) cannot fsync a folder and say so with EINVAL; there is nothing more to do on those.
-  if (synced != 0 && reason != EINVAL) {
+  if (const int reason = sync_folder(folder_of(path_)); reason != 0) {
     errno = reason;
     fail("flush the folder of");
   }
+}
+
+int sync_folder(const std::filesystem::path& folder) noexcept {
+  const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return errno;
+  const int reason = ::fsync(fd) == 0 ? 0 : errno;
+  ::close(fd);
+  // Some file systems (network mounts among them) cannot fsync a folder and say so with EINVAL; there is nothing more to do on those.
+  return reason == EINVAL ? 0 : reason;
 }
 
 void AtomicFile::fail(const char* doing) const {

@@ -54,6 +54,9 @@ class AtomicFile {
   int fd_ = -1;
 };
 
+/// Brings the names in a folder to stable storage; without this what was made or renamed in it may be gone with the power. Returns 0 or the system's reason.
+int sync_folder(const std::filesystem::path& folder) noexcept;
+
 /// The whole life of an AtomicFile for contents that are already in memory.
 void write_file_atomically(const FileTarget& target, std::string_view contents, mode_t mode = 0644);
 

@@ -13,6 +13,7 @@
 #include <ctime>
 #include <tuple>
 
+#include "daemon/record/clock_belief.hpp"
 #include "daemon/seal/seal.hpp"
 
 namespace booth::daemon {
@@ -99,14 +100,17 @@ std::vector<std::string> prune_folders(const fs::path& directory, const Retentio
   std::vector<std::uintmax_t> bytes;
   std::uintmax_t total = 0;
   for (const auto& folder : folders) total += bytes.emplace_back(folder_bytes(folder));
+  const bool by_age = rule.max_age_days > 0 && clock_believed(directory, now_utc_ns);
   const std::string oldest_kept =
       rule.max_age_days > 0 ? fmt::format("{:%Y%m%dT%H%M%SZ}", utc_calendar(std::max<std::int64_t>(0, now_utc_ns - rule.max_age_days * 86'400'000'000'000)))
                             : std::string();
+  int doubtful = 0;
   for (std::size_t i = 0; i < folders.size(); ++i) {
     const std::string id = folders[i].filename().string();
     const bool old = !oldest_kept.empty() && id.substr(0, 16) < oldest_kept;
+    if (old && !by_age) ++doubtful;
     const bool over = rule.quota_bytes > 0 && total > static_cast<std::uintmax_t>(rule.quota_bytes);
-    if (!old && !over) continue;
+    if (!(old && by_age) && !over) continue;
     if (!rule.deletable(folders[i])) continue;
     if (const std::string problem = erase_folder(folders[i]); !problem.empty()) {
       said.push_back(fmt::format("{} {} should be deleted, but cannot be: {}", rule.what, id, problem));
@@ -115,6 +119,9 @@ std::vector<std::string> prune_folders(const fs::path& directory, const Retentio
       said.push_back(fmt::format("{} {} was deleted: {}", rule.what, id, old ? "older than " + rule.age_key : "more than " + rule.size_key));
     }
   }
+  if (doubtful > 0)
+    said.push_back(fmt::format("the clock leapt by more than {} days: {} {}s would be {} now and are kept for a day, in case that it is wrong", kClockLeapDays,
+                               doubtful, rule.what, "older than " + rule.age_key));
   return said;
 }
 

@@ -16,7 +16,8 @@ struct RetentionRule {
   std::function<bool(const std::filesystem::path& folder)> deletable;  ///< not one that is in work
 };
 
-/// Folders of `directory` named YYYYMMDDTHHMMSSZ-... Returns one sentence for each that was deleted, or should have been.
+/// Folders of `directory` named YYYYMMDDTHHMMSSZ-... Returns one sentence for each that was deleted, or should have been. By age nothing is deleted while the
+/// clock is doubted (clock_belief.hpp).
 std::vector<std::string> prune_folders(const std::filesystem::path& directory, const RetentionRule& rule, std::int64_t now_utc_ns);
 
 /// Deletes a folder so that what was in it is harder to find again than after a plain deletion: each file is overwritten once, flushed and unlinked; the

@@ -194,6 +194,10 @@ fs::path create_session_folder(const fs::path& directory, const SessionInfo& inf
     errno = error.value();
     fail(folder, "made");
   }
+  // Whoever is told that a session runs finds it again, whatever happens. The folder above may be new, or not ours to open.
+  (void)sync_folder(directory.has_parent_path() ? directory.parent_path() : fs::path("."));
+  errno = sync_folder(directory);
+  if (errno != 0) fail(folder, "brought to the disk");
   return folder;
 }
 
@@ -307,9 +311,13 @@ std::vector<std::string> close_interrupted_sessions(const fs::path& directory, c
   for (const fs::path& folder : session_folders(directory)) {
     remove_half_files(folder);
     const Json old = read_json(folder / "session.json");
-    if (text_of(old, "result") != "running") {
+    const std::string result = text_of(old, "result");
+    const bool ended = result == "complete" || result == "interrupted";
+    // A session.json that was damaged is as good as one that says `running` while the log is there: the log holds the frames.
+    const bool log = !is_sealed(folder) && fs::exists(folder / kFrameLogName, error);
+    if (ended || (result != "running" && !log)) {
       // Complete, but the power went away before the log did. Of a sealed one that was interrupted the log is all there is.
-      if (old.contains("result") && !(is_sealed(folder) && text_of(old, "result") == "interrupted")) remove_log(folder);
+      if (ended && !(is_sealed(folder) && result == "interrupted")) remove_log(folder);
       continue;
     }
     SessionInfo info = interrupted_info(folder, old);

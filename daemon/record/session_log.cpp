@@ -13,6 +13,7 @@
 #include <functional>
 #include <stdexcept>
 
+#include "daemon/io/atomic_file.hpp"
 #include "daemon/seal/sealed_file.hpp"
 
 namespace booth::daemon {
@@ -72,7 +73,9 @@ void SessionLog::open(const std::filesystem::path& folder, const Seal* seal) {
   encoder_ = seal ? std::make_unique<SealEncoder>(*seal, kSealedFrameLogName) : nullptr;
   fd_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   const Header header;
-  if (fd_ < 0 || !put(&header, sizeof header)) {
+  // The log's name has to outlive a power cut as its frames do, which are brought to the disk every second.
+  const bool good = fd_ >= 0 && put(&header, sizeof header) && (errno = sync_folder(folder)) == 0;
+  if (!good) {
     const std::string reason = std::strerror(errno);
     if (fd_ >= 0) ::close(fd_);
     fd_ = -1;

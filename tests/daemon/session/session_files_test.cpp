@@ -227,6 +227,52 @@ TEST(SessionFiles, RetentionDeletesTheOldestFirst) {
   EXPECT_TRUE(std::filesystem::exists(folder.path / "not-a-session/file"));
 }
 
+TEST(SessionFiles, AClockThatLeaptDeletesNothingForADay) {
+  TemporaryFolder folder;
+  constexpr std::int64_t day = 86'400'000'000'000;
+  const auto make = [&](const std::string& name) { folder.write(name + "/session.json", json{{"result", "complete"}}.dump()); };
+  const auto there = [&](const char* name) { return std::filesystem::exists(folder.path / name); };
+  make("20260101T000000Z-0001");
+  EXPECT_TRUE(prune_sessions(folder.path, 0, 30, kUtc).empty());
+  const std::int64_t leapt = kUtc + 3650 * day;
+  for (const std::int64_t later : {std::int64_t{0}, day / 2, day}) {
+    const auto said = prune_sessions(folder.path, 0, 30, leapt + later);
+    ASSERT_EQ(said.size(), 1u);
+    EXPECT_THAT(said[0], HasSubstr("the clock leapt"));
+  }
+  // Another leap begins the day anew; going back makes nothing old, and is believed.
+  EXPECT_EQ(prune_sessions(folder.path, 0, 30, leapt + 3650 * day).size(), 1u);
+  EXPECT_TRUE(prune_sessions(folder.path, 0, 30, kUtc + day).empty());
+  EXPECT_EQ(prune_sessions(folder.path, 0, 30, leapt).size(), 1u);
+  EXPECT_TRUE(there("20260101T000000Z-0001"));
+  // A clock that goes on from there is right, or nobody cares.
+  EXPECT_THAT(prune_sessions(folder.path, 0, 30, leapt + day + 1).at(0), HasSubstr("was deleted"));
+  EXPECT_FALSE(there("20260101T000000Z-0001"));
+  make("20260102T000000Z-0002");
+  EXPECT_THAT(prune_sessions(folder.path, 0, 30, leapt + 20 * day).at(0), HasSubstr("was deleted")) << "a booth that was off for weeks";
+  for (const char* damaged : {"", "x", "99999999999999999999 1", "-5 -5", "5", "9223372036854775807 9223372036854775807"}) {
+    folder.write(".clock", damaged);
+    make("20260103T000000Z-0003");
+    EXPECT_THAT(prune_sessions(folder.path, 0, 30, leapt + 21 * day).at(0), HasSubstr("was deleted")) << damaged;
+  }
+}
+
+TEST(SessionFiles, ADamagedSessionFileCostsNoFrames) {
+  for (const char* damaged : {"", "{", "{\"resalt\": \"running\"}", "{\"result\": \"runnin\"}", "{\"result\": 5}", "[]"}) {
+    TemporaryFolder folder;
+    const auto session = create_session_folder(folder.path, info_at(kUtc));
+    SessionLog log;
+    log.open(session);
+    for (std::uint64_t k = 0; k < 40; ++k) log.append(frame_at(k));
+    log.close();
+    std::ofstream(session / "session.json") << damaged;
+    EXPECT_EQ(close_interrupted_sessions(folder.path, {}).size(), 1u) << damaged;
+    const json j = json::parse(read_text(session / "session.json"));
+    EXPECT_EQ(j["result"], "interrupted") << damaged;
+    EXPECT_EQ(j["frames"], 40) << damaged;
+  }
+}
+
 TEST(SessionFiles, SaysWhyAFolderCannotBeMade) {
   TemporaryFolder folder;
   const auto file = folder.write("in-the-way", "");

@@ -2,7 +2,8 @@
 # First process of the guest: lays a writable layer in memory over the host's files, runs one scenario and powers off.
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin TERM=dumb LC_ALL=C.UTF-8
 
-# The kernel hands unknown words of its command line on as environment: BOOTH_SCENARIO, BOOTH_BUILD.
+# The kernel hands unknown words of its command line on as environment: BOOTH_SCENARIO, BOOTH_BUILD, BOOTH_ROOMS (tests/virtual-booth), BOOTH_FOLDER (the host's, for
+# what is to survive the guest), and what the caller had in BOOTH_TIMES and the like.
 mount -t tmpfs -o mode=755 layer /mnt
 mkdir /mnt/upper /mnt/work /mnt/root
 mount -t overlay -o lowerdir=/,upperdir=/mnt/upper,workdir=/mnt/work overlay /mnt/root || echo "why: no writable layer over the host's files"
@@ -17,22 +18,15 @@ mount -t tmpfs run run
 mount -t configfs config sys/kernel/config
 mount -t debugfs debug sys/kernel/debug
 mount -t cgroup2 cgroup sys/fs/cgroup
-mkdir -p run/booth
+mkdir -p run/booth run/host
+mount -t hostfs -o "$BOOTH_FOLDER/shared" host run/host && export BOOTH_FOLDER=/run/host
 
 # The guest expands these, not this script.
 # shellcheck disable=SC2016
 chroot . /bin/bash -c '
   cd /run/booth
   ip link set lo up 2>/dev/null
-  figure() { echo "figure: $*"; }
-  fail() { echo "why: $*"; exit 1; }
-  # libusb learns of arrivals from udev, as on the appliance.
-  start_udev() {
-    [ -x /lib/systemd/systemd-udevd ] || fail "the guest needs udev; install the package udev"
-    /lib/systemd/systemd-udevd --daemon 2>/dev/null || fail "udev does not start"
-    udevadm trigger --action=add --subsystem-match=usb && udevadm settle --timeout=10
-  }
-  programs=$BOOTH_BUILD/tests/virtual-booth
+  . "$BOOTH_ROOMS/guest/functions.sh"
   . "$BOOTH_SCENARIO"
 ' </dev/null
 echo "BOOTH-RESULT $?"
