@@ -35,7 +35,7 @@ TEST(PackageFiles, WhatRunsAsRootIsInstalledWhereItsUnitStartsIt) {
 
 TEST(PackageFiles, MaintainerScriptsAreCleanToShellcheck) {
   if (!has_program("shellcheck")) GTEST_SKIP() << "skipped: shellcheck is not installed";
-  const auto result = run_in_source_tree("shellcheck $(grep -lE '^#!/bin/(ba)?sh' toolchain/packaging/*)");
+  const auto result = run_in_source_tree("shellcheck $(grep -lsE '^#!/bin/(ba)?sh' toolchain/packaging/* toolchain/packaging/update/*)");
   EXPECT_EQ(result.status, 0) << result.output;
 }
 
