@@ -83,7 +83,7 @@ TEST(State, TheRuleIsOneForwardAndOneBack) {
 
 Config config_from(const std::string& text, std::vector<std::string>& warnings) {
   const TemporaryFolder folder;
-  return load_config({.file = folder.write("boothd.toml", text)}, &warnings);
+  return load_config({.file = folder.write("boothd.toml", text), .assignments = {}}, &warnings);
 }
 
 TEST(State, ConfigurationOfVersion1IsRead) {
@@ -109,7 +109,7 @@ TEST(State, InAFileOfThisVersionAMistakeStaysAMistake) {
   const TemporaryFolder folder;
   folder.write("boothd.toml.d/1.toml", "version = 2\n[weather]\nforecast = true\n");
   folder.write("boothd.toml.d/2.toml", "[weather]\nforecast = true\n");
-  const std::string said = complaint([&] { load_config({.file = folder.write("boothd.toml", "")}, &warnings); });
+  const std::string said = complaint([&] { load_config({.file = folder.write("boothd.toml", ""), .assignments = {}}, &warnings); });
   EXPECT_THAT(said, HasSubstr("2.toml:1: weather: is not a key of boothd"));
   EXPECT_THAT(said, ::testing::Not(HasSubstr("1.toml")));
 }
