@@ -72,7 +72,8 @@ struct OtherLogVersion : std::runtime_error {
 std::uint64_t session_log_records(std::uint64_t bytes);
 
 /// Reads the raw log of `folder`; a record torn by a power cut is left out. Throws std::runtime_error when there is none or when it is of
-/// neither this version nor a neighbour's (OtherLogVersion; hal/file_version.hpp). With a seal the sealed log is read; what is wrong with its end, which an interruption explains, is put into `complaint`.
+/// neither this version nor a neighbour's (OtherLogVersion; hal/file_version.hpp). With a seal the sealed log is read; what is wrong with its end, which an
+/// interruption explains, is put into `complaint`.
 std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder, const Seal* seal = nullptr, std::string* complaint = nullptr);
 
 }  // namespace booth::daemon
