@@ -6,7 +6,7 @@
 namespace booth::daemon {
 namespace {
 
-constexpr std::array<MessageEntry, 17> kMessages{{
+constexpr std::array<MessageEntry, 18> kMessages{{
     {Message::ready, "a1f631195cdc4a6dabf355ea22d04eef", "ready", "boothd has started and takes sessions.", "Nothing."},
     {Message::stopping, "cc9c1973756f462da8a49b52c89a1736", "stopping", "boothd was told to stop; a session that runs is saved.", "Nothing."},
     {Message::configuration_wrong, "6cbc0ff2a37b43c68f8bbae6a8eec657", "configuration wrong",
