@@ -381,7 +381,9 @@ int run(int argc, char** argv) {
       show_failed_light(sources, signals);
       return kStopped;
     }
-    const Config config = load_config(sources);
+    std::vector<std::string> warnings;
+    const Config config = load_config(sources, &warnings);
+    for (const auto& warning : warnings) log_message(LogLevel::warning, Message::newer_file, warning);
     if (check_only) print_config(config, std::cout);
     return serve(config, signals, check_only);
   } catch (const ConfigError& e) {

@@ -14,6 +14,7 @@
 
 #include "daemon/drivers_factory.usb.hpp"
 #include "daemon/health/log.hpp"
+#include "daemon/health/messages.hpp"
 #include "daemon/health/repeated_log.hpp"
 #include "drivers/kinect2/kinect_camera.hpp"
 #include "drivers/kinect2/kinect_device.hpp"
@@ -56,7 +57,9 @@ std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus) {
     return std::runtime_error("cameras.kinect2.serials is empty: name the sensors in the order of their positions (" + found_serials(bus) + ")");
   };
   if (!calibrated && kinect.serials.empty()) throw nobody_named();
-  const auto places = calibrated ? drivers::read_calibration(kinect.calibration) : drivers::camera_ring(static_cast<int>(kinect.serials.size()));
+  std::vector<std::string> warnings;
+  const auto places = calibrated ? drivers::read_calibration(kinect.calibration, &warnings) : drivers::camera_ring(static_cast<int>(kinect.serials.size()));
+  for (const auto& warning : warnings) log_message(LogLevel::warning, Message::newer_file, warning);
   if (kinect.serials.empty() && std::any_of(places.begin(), places.end(), [](const auto& p) { return p.serial.empty(); })) throw nobody_named();
   if (!calibrated)
     log_line(LogLevel::warning, fmt::format("{}the cameras are taken to stand at the corners of the default booth: calibrate them (boothctl calibrate)",

@@ -13,6 +13,7 @@
 #include <sstream>
 
 #include "daemon/config/keys.hpp"
+#include "hal/file_version.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -28,7 +29,8 @@ std::string join_lines(const std::vector<std::string>& lines) {
 /// Collects problems while values are taken over.
 struct Loader {
   Config config;
-  std::vector<std::string> problems;
+  std::vector<std::string> problems, warnings;
+  bool newer = false;      ///< the file that is being read is of the next version
   std::size_t absent = 0;  ///< problems that are camera drivers of another build
   std::set<std::string> named;
   std::vector<std::string> passed_over;
@@ -95,6 +97,7 @@ struct Loader {
 
   void unknown(const std::string& place, const std::string& name) {
     if (pass_over) return passed_over.push_back(name);
+    if (newer) return warnings.push_back(fmt::format("{}: {}: is not a key of this version of boothd, and passed over", place, name));
     const std::string_view near = nearest_config_key(name);
     problem(place, name, near.empty() ? "is not a key of boothd" : fmt::format("is not a key of boothd; did you mean {}?", near));
   }
@@ -133,6 +136,24 @@ struct Loader {
     }
   }
 
+  /// Takes the file's version out of it.
+  void version(const std::string& file, toml::table& root) {
+    const toml::node* node = root.get("version");
+    if (!node) return;
+    const std::string place = fmt::format("{}:{}", file, node->source().begin.line);
+    if (const auto found = node->value_exact<std::int64_t>(); !found) {
+      problem(place, "version", "must be a whole number");
+    } else if (const auto verdict = hal::judge_file_version(*found, kConfigVersion); verdict != hal::FileVersion::readable) {
+      newer = verdict == hal::FileVersion::newer;
+      const std::string sentence = hal::file_version_complaint(*found, kConfigVersion);
+      if (newer)
+        warnings.push_back(fmt::format("{}: {}", place, sentence));
+      else
+        problem(place, "version", sentence);
+    }
+    root.erase("version");
+  }
+
   void file(const std::filesystem::path& path) {
     std::error_code error;
     const auto size = std::filesystem::file_size(path, error);
@@ -148,7 +169,10 @@ struct Loader {
   void toml_text(const std::string& text, const std::string& name) {
     if (text.size() > kMaxFileBytes) return problem(name, "", fmt::format("is {} bytes long; a configuration has at most {}", text.size(), kMaxFileBytes));
     try {
-      table("", name, toml::parse(text, name));
+      toml::table root = toml::parse(text, name);
+      version(name, root);
+      table("", name, root);
+      newer = false;
     } catch (const toml::parse_error& e) {
       problem(fmt::format("{}:{}", name, e.source().begin.line), "", fmt::format("not TOML: {}", e.description()));
     }
@@ -254,10 +278,14 @@ LoadedConfig load_settings(const ConfigSources& sources, std::vector<std::string
     failure.only_device_absent = loader.absent == loader.problems.size();
     throw failure;
   }
-  return {loader.config, {loader.named.begin(), loader.named.end()}, loader.passed_over, loader.is_export};
+  return {loader.config, {loader.named.begin(), loader.named.end()}, loader.passed_over, loader.is_export, loader.warnings};
 }
 
-Config load_config(const ConfigSources& sources) { return load_settings(sources).config; }
+Config load_config(const ConfigSources& sources, std::vector<std::string>* warnings) {
+  LoadedConfig loaded = load_settings(sources);
+  if (warnings != nullptr) *warnings = std::move(loaded.warnings);
+  return loaded.config;
+}
 
 void print_config(const Config& config, std::ostream& out) {
   std::string section;
@@ -276,6 +304,9 @@ void print_config_reference(std::ostream& out) {
          "boothd reads `/etc/boothd/boothd.toml` (or `--config FILE`), then `FILE.d/*.toml` in alphabetical order, then each `--set key=value`; later values "
          "win.\n"
          "A table `[export]`, which `boothctl config export` writes, says who wrote the file and sets nothing.\n"
+         "A file may say `version = 1` before its first table. boothd also takes a file of the next version, which an update wrote that was taken back since: "
+         "there a key "
+         "that it does not know is passed over with a warning ([state](state.md)).\n"
          "Mistakes are reported all at once, each with file, line, key and what is allowed; `boothd --check-config` shows the result without starting "
          "anything.\n";
   const Config defaults;

@@ -33,23 +33,28 @@ struct ConfigSources {
   bool known_only = false;          ///< keys of `text` that this version does not know are passed over
 };
 
+/// Of the configuration's keys; a file may say `version = N` before its first table, and is of this one where it does not.
+inline constexpr std::int64_t kConfigVersion = 1;
+
 /// A configuration, and which of its keys somebody has written down.
 struct LoadedConfig {
   Config config;
   std::vector<std::string> named;        ///< keys that some source names, each once, in alphabetical order
   std::vector<std::string> passed_over;  ///< keys of ConfigSources::text that are not known, where that is allowed
   bool is_export = false;                ///< some source has an [export] table (docs/guide/operate.md)
+  std::vector<std::string> warnings;     ///< of files of the next version: a sentence about the file, and one for each key that was passed over
 };
 
 /// The format of [export] tables that this version writes; it reads this one and those before it.
 inline constexpr int kExportFormat = 1;
 
 /// Later sources win: defaults, systemd's directories, the file, FILE.d/*.toml in alphabetical order, `text`, assignments.
-/// Throws ConfigError with all problems of all sources, unless `problems` is given: then they are put there, and what is right is returned.
+/// Throws ConfigError with all problems of all sources, unless `problems` is given: then they are put there, and what is right is returned. In a file of the
+/// next version a key that is not known is no problem; a value that is not known is one, whatever the version.
 LoadedConfig load_settings(const ConfigSources& sources, std::vector<std::string>* problems = nullptr);
 
-/// The configuration alone. Throws ConfigError.
-Config load_config(const ConfigSources& sources);
+/// The configuration alone, and LoadedConfig::warnings. Throws ConfigError.
+Config load_config(const ConfigSources& sources, std::vector<std::string>* warnings = nullptr);
 
 /// /etc/boothd/boothd.toml, or the file that the sources name.
 std::filesystem::path config_file(const ConfigSources& sources);

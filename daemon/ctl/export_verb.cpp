@@ -44,7 +44,7 @@ void run(const Options& options) {
     models.men = std::make_shared<const fit::BodyModel>(load_body_model(directory / "men.npz"));
     models.women = std::make_shared<const fit::BodyModel>(load_body_model(directory / "women.npz"));
   }
-  export_session(folder, format, out, models, seal.get());
+  if (const std::string warning = export_session(folder, format, out, models, seal.get()); !warning.empty()) std::cerr << "warning: " << warning << "\n";
   std::cout << out.string() << "\n";
 }
 

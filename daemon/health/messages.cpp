@@ -6,7 +6,7 @@
 namespace booth::daemon {
 namespace {
 
-constexpr std::array<MessageEntry, 17> kMessages{{
+constexpr std::array<MessageEntry, 18> kMessages{{
     {Message::ready, "a1f631195cdc4a6dabf355ea22d04eef", "ready", "boothd has started and takes sessions.", "Nothing."},
     {Message::stopping, "cc9c1973756f462da8a49b52c89a1736", "stopping", "boothd was told to stop; a session that runs is saved.", "Nothing."},
     {Message::configuration_wrong, "6cbc0ff2a37b43c68f8bbae6a8eec657", "configuration wrong",
@@ -42,6 +42,9 @@ constexpr std::array<MessageEntry, 17> kMessages{{
      "After an update: report it. Without an update: treat the box as attacked."},
     {Message::given_up, "cb1823dfbdaf410ea0e9ab2b16499cd6", "given up", "boothd has failed and is not started again.",
      "The last error before it says why. Mend that, then `systemctl restart boothd`."},
+    {Message::newer_file, "2c113eb18ff3462c9069c72d0b256568", "newer file",
+     "boothd reads a file of its next version; what it does not know in there has no effect. So it is after an update that was taken back.",
+     "Nothing, if that is what happened; otherwise the file's `version` is wrong."},
 }};
 
 }  // namespace

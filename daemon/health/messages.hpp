@@ -29,6 +29,7 @@ enum class Message : std::uint8_t {
   session_not_saved,
   system_call_refused,
   given_up,
+  newer_file,
 };
 
 struct MessageEntry {

@@ -115,11 +115,14 @@ const FrameRecord* last_seen(const std::vector<FrameRecord>& frames) {
   return it == frames.rend() ? nullptr : &*it;
 }
 
-void export_session(const std::filesystem::path& folder, ExportFormat format, const std::filesystem::path& file, const SessionModels& models,
-                    const Seal* seal) {
+std::string export_session(const std::filesystem::path& folder, ExportFormat format, const std::filesystem::path& file, const SessionModels& models,
+                           const Seal* seal) {
   const SessionContents session = read_session(folder, seal);
   if (session.frames.empty()) throw std::runtime_error(fmt::format("{}: holds no frame; there is nothing to export", folder.string()));
-  if (format == ExportFormat::csv) return export_csv(file, session.frames);
+  if (format == ExportFormat::csv) {
+    export_csv(file, session.frames);
+    return session.warning;
+  }
   const FrameRecord* last = last_seen(session.frames);
   if (!last) throw std::runtime_error(fmt::format("{}: nobody was seen in it; only --format csv can be exported", folder.string()));
   const fit::BodyModel* model = models.of(last->sex);
@@ -129,11 +132,14 @@ void export_session(const std::filesystem::path& folder, ExportFormat format, co
                                          model->shape_count()));
   switch (format) {
     case ExportFormat::bvh:
-      return export_bvh(file, session.frames, *last, *model);
+      export_bvh(file, session.frames, *last, *model);
+      break;
     case ExportFormat::glb:
-      return export_glb(file, session.frames, *last, *model);
+      export_glb(file, session.frames, *last, *model);
+      break;
     case ExportFormat::ply:
-      return export_ply(file, *last, *model, session.id);
+      export_ply(file, *last, *model, session.id);
+      break;
     case ExportFormat::fbx: {
       const std::filesystem::path glb = file.string() + fmt::format(".{}.glb", ::getpid());
       export_glb(glb, session.frames, *last, *model);
@@ -144,11 +150,12 @@ void export_session(const std::filesystem::path& folder, ExportFormat format, co
         throw;
       }
       ::unlink(glb.c_str());
-      return;
+      break;
     }
     case ExportFormat::csv:
-      return;
+      break;
   }
+  return session.warning;
 }
 
 }  // namespace booth::daemon

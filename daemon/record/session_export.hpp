@@ -31,7 +31,8 @@ void export_measurements(const FileTarget& file, const FrameRecord& last, const 
 const FrameRecord* last_seen(const std::vector<FrameRecord>& frames);
 
 /// Writes the folder's session in that format; a sealed one needs its seal. Throws also when nobody was seen in it and the format needs a body.
-void export_session(const std::filesystem::path& folder, ExportFormat format, const std::filesystem::path& file, const SessionModels& models,
-                    const Seal* seal = nullptr);
+/// Returns SessionContents::warning.
+std::string export_session(const std::filesystem::path& folder, ExportFormat format, const std::filesystem::path& file, const SessionModels& models,
+                           const Seal* seal = nullptr);
 
 }  // namespace booth::daemon

@@ -43,6 +43,7 @@ std::string iso_time(std::int64_t utc_ns) {
 
 Json info_json(const SessionInfo& info) {
   Json j;
+  j["format"] = kSessionFormat;
   j["id"] = info.id;
   j["booth"] = info.booth;
   j["software"] = info.software;
@@ -329,6 +330,9 @@ std::vector<std::string> close_interrupted_sessions(const fs::path& directory, c
     std::string log_problem;
     try {
       frames = read_session_log(folder);
+    } catch (const OtherLogVersion& e) {
+      said.push_back(fmt::format("session {} was interrupted and is left as it is: {}", info.id, e.what()));
+      continue;
     } catch (const std::exception& e) {
       log_problem = fmt::format("; its frames are lost: {}", e.what());
     }

@@ -11,6 +11,9 @@
 
 namespace booth::daemon {
 
+/// The `format` of session.json and of the files beside it that this program writes; a session.json without it is of format 1.
+inline constexpr std::int64_t kSessionFormat = 1;
+
 /// One thing that happened in a session, or led to it; as on DDS (booth/event).
 struct SessionHappening {
   std::int64_t utc_ns = 0;

@@ -7,7 +7,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <cstddef>
 #include <cstring>
 #include <fstream>
 #include <functional>
@@ -15,15 +17,20 @@
 
 #include "daemon/io/atomic_file.hpp"
 #include "daemon/seal/sealed_file.hpp"
+#include "hal/file_version.hpp"
 
 namespace booth::daemon {
 namespace {
 
+/// A later version may append to FrameRecord, and raises both numbers; nothing in it ever moves, so that each reads what its neighbours wrote.
 struct Header {
   char magic[8] = {'b', 'o', 'o', 't', 'h', 'l', 'o', 'g'};
-  std::uint32_t version = 1;
+  std::uint32_t version = kFrameLogVersion;
   std::uint32_t record_bytes = sizeof(FrameRecord);
 };
+constexpr std::uint32_t kFirstRecord = 2456, kLargestRecord = 1 << 16;
+static_assert(sizeof(FrameRecord) >= kFirstRecord && offsetof(FrameRecord, q) == 72 && offsetof(FrameRecord, reserved) == kFirstRecord - 1,
+              "what version 1 wrote lies elsewhere: such a log cannot be read any more");
 
 bool write_all(int fd, const void* data, std::size_t size) {
   const char* at = static_cast<const char*>(data);
@@ -42,10 +49,18 @@ using Read = std::function<bool(void* to, std::size_t count)>;  ///< false: ther
 std::vector<FrameRecord> read_records(const std::filesystem::path& path, const Read& read) {
   Header header;
   const Header expected;
-  if (!read(&header, sizeof header) || std::memcmp(&header, &expected, sizeof header) != 0)
-    throw std::runtime_error(fmt::format("{}: not a log of this version of boothd", path.string()));
+  if (!read(&header, sizeof header) || std::memcmp(header.magic, expected.magic, sizeof header.magic) != 0)
+    throw std::runtime_error(fmt::format("{}: is no log of boothd", path.string()));
+  if (hal::judge_file_version(header.version, kFrameLogVersion) == hal::FileVersion::unreadable)
+    throw OtherLogVersion(fmt::format("{}: {}", path.string(), hal::file_version_complaint(header.version, kFrameLogVersion)));
+  if (header.record_bytes < kFirstRecord || header.record_bytes > kLargestRecord ||
+      (header.version == kFrameLogVersion && header.record_bytes != sizeof(FrameRecord)))
+    throw std::runtime_error(fmt::format("{}: its frames are of {} bytes, which no version writes", path.string(), header.record_bytes));
   std::vector<FrameRecord> out;
-  for (FrameRecord record; read(&record, sizeof record);) {
+  std::vector<char> stored(header.record_bytes);
+  while (read(stored.data(), stored.size())) {
+    FrameRecord record;
+    std::memcpy(static_cast<void*>(&record), stored.data(), std::min(stored.size(), sizeof record));
     // A block that was never written reads as zeros after a power cut; frames count from zero without gaps.
     if (!out.empty() && record.sequence <= out.back().sequence) break;
     if (record.shape_count > kRecordShape || record.captured_ns == 0) break;

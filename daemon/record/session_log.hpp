@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
@@ -18,6 +19,9 @@ namespace booth::daemon {
 inline constexpr const char* kFrameLogName = ".frames.part";
 /// The same of a sealed session, without ".sealed". It stays where boothd could not finish the session, because only the key's holder can.
 inline constexpr const char* kSealedFrameLogName = "frames.log";
+
+/// What this program writes into a raw log's head.
+inline constexpr std::uint32_t kFrameLogVersion = 1;
 
 class Seal;
 class SealEncoder;
@@ -59,11 +63,17 @@ class SessionLog {
   std::thread thread_;
 };
 
+/// A log that is whole, perhaps, but for another boothd to read.
+struct OtherLogVersion : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
 /// How many records a log of so many plain bytes holds.
 std::uint64_t session_log_records(std::uint64_t bytes);
 
-/// Reads the raw log of `folder`; a record torn by a power cut is left out. Throws std::runtime_error when there is none or when it is not one of
-/// this version's. With a seal the sealed log is read; what is wrong with its end, which an interruption explains, is put into `complaint`.
+/// Reads the raw log of `folder`; a record torn by a power cut is left out. Throws std::runtime_error when there is none or when it is of
+/// neither this version nor a neighbour's (OtherLogVersion; hal/file_version.hpp). With a seal the sealed log is read; what is wrong with its end, which an
+/// interruption explains, is put into `complaint`.
 std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder, const Seal* seal = nullptr, std::string* complaint = nullptr);
 
 }  // namespace booth::daemon

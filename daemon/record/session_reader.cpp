@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -10,8 +11,10 @@
 
 #include "daemon/io/csv_file.hpp"
 #include "daemon/io/file_bytes.hpp"
+#include "daemon/record/session_info.hpp"
 #include "daemon/record/session_log.hpp"
 #include "daemon/seal/sealed_file.hpp"
+#include "hal/file_version.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -78,9 +81,12 @@ void take_body(const Json& j, const fs::path& file, std::vector<FrameRecord>& fr
 }  // namespace
 
 std::vector<FrameRecord> parse_skeleton_csv(std::string_view text, const std::string& name) {
-  const std::string header = skeleton_csv_header();
-  if (!text.starts_with(header)) throw std::runtime_error(name + ": is no skeleton.csv of this version of boothd (its first line differs)");
-  text.remove_prefix(header.size());
+  std::string header = skeleton_csv_header();
+  header.pop_back();
+  const auto first_line = text.substr(0, text.find('\n'));
+  const bool further = first_line.starts_with(header + ',');
+  if (first_line != header && !further) throw std::runtime_error(name + ": is no skeleton.csv that boothd has written (its first line differs)");
+  text.remove_prefix(std::min(text.size(), first_line.size() + 1));
   std::vector<FrameRecord> out;
   for (std::size_t line_number = 2; !text.empty(); ++line_number) {
     const auto end = text.find('\n');
@@ -103,7 +109,7 @@ std::vector<FrameRecord> parse_skeleton_csv(std::string_view text, const std::st
     for (double& q : f.q) q = static_cast<double>(cells.number<float>());
     for (auto& joint : f.joints)
       for (double& x : joint) x = static_cast<double>(cells.number<float>());
-    cells.expect_end();
+    if (!further) cells.expect_end();
   }
   return out;
 }
@@ -126,7 +132,13 @@ SessionContents read_session(const fs::path& folder, const Seal* seal) {
   const Json j = Json::parse(outline ? read_file_bytes(file, kMostJson) : bytes_of("session.json", kMostJson), nullptr, false);
   if (!j.is_object() || !j.contains("result") || !j["result"].is_string())
     throw std::runtime_error(fmt::format("{}: is no session.json of boothd", file.string()));
+  const Json format = j.value("format", Json(1));
+  if (!format.is_number_integer()) throw std::runtime_error(fmt::format("{}: its format is no number", file.string()));
+  const auto verdict = hal::judge_file_version(format.get<std::int64_t>(), kSessionFormat);
+  const std::string complaint = fmt::format("{}: {}", file.string(), hal::file_version_complaint(format.get<std::int64_t>(), kSessionFormat));
+  if (verdict == hal::FileVersion::unreadable) throw std::runtime_error(complaint);
   SessionContents out;
+  if (verdict == hal::FileVersion::newer) out.warning = complaint;
   out.id = folder.filename().string();
   out.result = j["result"].get<std::string>();
   if (outline && out.result == "complete") throw std::runtime_error(fmt::format("{}: is missing", name_of("session.json").string()));

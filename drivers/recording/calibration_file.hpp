@@ -1,6 +1,7 @@
 // calibration.toml as a file of its own: which cameras there are, and where they stand.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -9,8 +10,12 @@
 
 namespace booth::drivers {
 
-/// The [[camera]] tables in their order. Throws std::runtime_error naming file, line and key.
-std::vector<hal::CameraDescription> read_calibration(const std::filesystem::path& file);
+/// What this program writes as a file's `version`; a file without one is of version 1.
+inline constexpr std::int64_t kCalibrationVersion = 1;
+
+/// The [[camera]] tables in their order. Throws std::runtime_error naming file, line and key. Of a file of the next version what is not known is passed over,
+/// and a sentence about that is appended to `warnings`.
+std::vector<hal::CameraDescription> read_calibration(const std::filesystem::path& file, std::vector<std::string>* warnings = nullptr);
 
 /// `time_offset_ms` of each table, in seconds: by how much the camera's time stamps lie behind its exposures; 0 where it is not said. Throws the same.
 std::vector<double> read_time_offsets(const std::filesystem::path& file);

@@ -5,6 +5,7 @@
 
 #include "drivers/recording/calibration_file.hpp"
 #include "drivers/recording/layouts.hpp"
+#include "hal/file_version.hpp"
 
 namespace booth::drivers {
 namespace {
@@ -84,9 +85,27 @@ hal::CameraDescription CameraTable::description() const {
   return d;
 }
 
-toml::table parse_calibration(const std::filesystem::path& file) {
+namespace {
+
+void check_version(const std::filesystem::path& file, const toml::table& root, std::vector<std::string>* warnings) {
+  const toml::node* node = root.get("version");
+  if (node == nullptr) return;
+  const auto found = node->value_exact<std::int64_t>();
+  const auto line = "line " + std::to_string(node->source().begin.line) + ": ";
+  if (!found) fail(file, line + "version must be a whole number");
+  const auto verdict = hal::judge_file_version(*found, kCalibrationVersion);
+  if (verdict == hal::FileVersion::unreadable) fail(file, line + hal::file_version_complaint(*found, kCalibrationVersion));
+  if (verdict == hal::FileVersion::newer && warnings != nullptr)
+    warnings->push_back(file.string() + ": " + hal::file_version_complaint(*found, kCalibrationVersion));
+}
+
+}  // namespace
+
+toml::table parse_calibration(const std::filesystem::path& file, std::vector<std::string>* warnings) {
   try {
-    return toml::parse_file(file.string());
+    toml::table root = toml::parse_file(file.string());
+    check_version(file, root, warnings);
+    return root;
   } catch (const toml::parse_error& e) {
     if (e.source().begin.line == 0) fail(file, "cannot be read: is it there, and may you read it?");
     fail(file, "line " + std::to_string(e.source().begin.line) + ": " + std::string(e.description()));
@@ -116,7 +135,9 @@ std::vector<hal::CameraDescription> descriptions(const std::filesystem::path& fi
 
 }  // namespace
 
-std::vector<hal::CameraDescription> read_calibration(const std::filesystem::path& file) { return descriptions(file, parse_calibration(file)); }
+std::vector<hal::CameraDescription> read_calibration(const std::filesystem::path& file, std::vector<std::string>* warnings) {
+  return descriptions(file, parse_calibration(file, warnings));
+}
 
 std::vector<double> read_time_offsets(const std::filesystem::path& file) {
   constexpr double kMost = 50;  // ms: more than a frame is no delay of a camera
@@ -132,7 +153,9 @@ std::vector<double> read_time_offsets(const std::filesystem::path& file) {
 
 std::vector<hal::CameraDescription> parse_calibration_text(const std::string& text, const std::filesystem::path& name) {
   try {
-    return descriptions(name, toml::parse(text, name.string()));
+    const toml::table root = toml::parse(text, name.string());
+    check_version(name, root, nullptr);
+    return descriptions(name, root);
   } catch (const toml::parse_error& e) {
     fail(name, "line " + std::to_string(e.source().begin.line) + ": " + std::string(e.description()));
   }

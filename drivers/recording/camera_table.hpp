@@ -34,7 +34,8 @@ class CameraTable {
   std::size_t index_;
 };
 
-toml::table parse_calibration(const std::filesystem::path& file);
+/// A whole file, its version looked at as read_calibration() does.
+toml::table parse_calibration(const std::filesystem::path& file, std::vector<std::string>* warnings = nullptr);
 std::vector<CameraTable> camera_tables(const std::filesystem::path& file, const toml::table& root);
 
 }  // namespace booth::drivers

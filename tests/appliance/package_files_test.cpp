@@ -28,6 +28,13 @@ TEST(PackageFiles, EveryUnitRuleAndListIsInstalled) {
   }
 }
 
+TEST(PackageFiles, ThePageOnUpdatesNamesExamplesThatThereAre) {
+  const std::string page = read_text(fs::path(BOOTH_SOURCE_DIR) / "docs/guide/operate.md");
+  EXPECT_THAT(install_script(), HasSubstr("/packaging/update"));
+  for (const auto& entry : fs::directory_iterator(fs::path(BOOTH_SOURCE_DIR) / "toolchain/packaging/update"))
+    EXPECT_THAT(page, HasSubstr(entry.path().filename().string()));
+}
+
 TEST(PackageFiles, WhatRunsAsRootIsInstalledWhereItsUnitStartsIt) {
   EXPECT_THAT(read_text(fs::path(BOOTH_SOURCE_DIR) / "systemd/boothd-usb-recover@.service"), HasSubstr("ExecStart=/usr/lib/boothd/boothd-usb-recover %i"));
   EXPECT_THAT(install_script(), HasSubstr("/lib/boothd"));
@@ -35,7 +42,7 @@ TEST(PackageFiles, WhatRunsAsRootIsInstalledWhereItsUnitStartsIt) {
 
 TEST(PackageFiles, MaintainerScriptsAreCleanToShellcheck) {
   if (!has_program("shellcheck")) GTEST_SKIP() << "skipped: shellcheck is not installed";
-  const auto result = run_in_source_tree("shellcheck $(grep -lE '^#!/bin/(ba)?sh' toolchain/packaging/*)");
+  const auto result = run_in_source_tree("shellcheck $(grep -lsE '^#!/bin/(ba)?sh' toolchain/packaging/* toolchain/packaging/update/*)");
   EXPECT_EQ(result.status, 0) << result.output;
 }
 

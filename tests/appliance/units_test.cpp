@@ -69,6 +69,22 @@ TEST_F(UnitsTest, DropInsAreWithoutAMistake) {
   EXPECT_EQ(result.output, "");
 }
 
+TEST_F(UnitsTest, ExamplesForUpdatesAreWithoutAMistake) {
+  const fs::path update = fs::path(BOOTH_SOURCE_DIR) / "toolchain/packaging/update";
+  std::set<std::string> examples;
+  for (const auto& entry : fs::directory_iterator(update)) {
+    if (entry.path().extension() != ".service") continue;
+    folder.write(entry.path().filename(), std::regex_replace(read_text(entry.path()), std::regex("ExecStart=/usr/[a-z/-]+"), "ExecStart=/bin/true"));
+    examples.insert(entry.path().filename());
+  }
+  EXPECT_EQ(examples.size(), 3u);
+  for (const std::string& name : examples) {
+    const auto result = verify(name);
+    EXPECT_EQ(result.status, 0) << name;
+    EXPECT_EQ(result.output, "") << name;
+  }
+}
+
 TEST_F(UnitsTest, BoothdIsExposedAsLittleAsWasPromised) {
   EXPECT_LE(exposure("boothd.service"), 12);
   EXPECT_GE(exposure("boothd.service"), 1) << "this test reads nothing";

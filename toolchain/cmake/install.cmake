@@ -12,6 +12,8 @@ file(GLOB units CONFIGURE_DEPENDS systemd/*.service systemd/*.path systemd/*.sli
 file(GLOB udev_rules CONFIGURE_DEPENDS systemd/*.rules)
 # What one box needs and another does not is for the administrator to put in place: a graphics processor, a real-time schedule, credentials.
 install(DIRECTORY systemd/boothd.service.d DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/boothd/examples COMPONENT boothd OPTIONAL)
+# So are the ways of updating: they belong to the site's own scheme (docs/guide/operate.md).
+install(DIRECTORY toolchain/packaging/update DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/boothd/examples COMPONENT boothd USE_SOURCE_PERMISSIONS)
 install(FILES ${units} DESTINATION /lib/systemd/system COMPONENT boothd)
 install(FILES ${udev_rules} DESTINATION /lib/udev/rules.d COMPONENT boothd)
 install(FILES systemd/boothd.sysusers DESTINATION /usr/lib/sysusers.d RENAME boothd.conf COMPONENT boothd)

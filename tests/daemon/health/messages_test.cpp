@@ -30,7 +30,7 @@ TEST(Messages, TheTableIsWhole) {
     EXPECT_FALSE(m.meaning.empty() || m.remedy.empty()) << m.name;
     for (const auto& text : {m.name, m.meaning, m.remedy}) EXPECT_EQ(text.find('|'), std::string_view::npos) << "would break the page's table: " << text;
   }
-  EXPECT_EQ(n, static_cast<std::size_t>(Message::given_up) + 1);
+  EXPECT_EQ(n, static_cast<std::size_t>(Message::newer_file) + 1);
 }
 
 /// A socket where the journal's would be.

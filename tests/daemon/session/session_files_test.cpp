@@ -177,7 +177,7 @@ TEST(SessionFiles, AHostileLogIsNoCrash) {
   folder.write("20250101T000000Z-0000/session.json", "[[[[");
   const auto said = close_interrupted_sessions(folder.path, models());
   ASSERT_EQ(said.size(), 1u);
-  EXPECT_THAT(said[0], HasSubstr("not a log of this version"));
+  EXPECT_THAT(said[0], HasSubstr("is no log of boothd"));
   EXPECT_EQ(json::parse(read_text(session / "session.json"))["result"], "interrupted");
 }
 
