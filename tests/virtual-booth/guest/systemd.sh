@@ -28,7 +28,8 @@ install_package() {
     # What it depends on is there, because it was built here.
     chroot . dpkg --force-unsafe-io --force-confnew --no-triggers -i "$BOOTH_PACKAGES"/boothd_*.deb "$BOOTH_PACKAGES"/boothd-models_*.deb
   else
-    tar -C "$BOOTH_PACKAGES" -c . | tar -x --keep-directory-symlink --no-same-owner && chroot . sh -c 'systemd-sysusers boothd.conf && systemctl enable boothd.service'
+    # In the new root: the modes of folders are set by way of its /proc.
+    tar -C "$BOOTH_PACKAGES" -c . | chroot . tar -x -C / --keep-directory-symlink --no-same-owner && chroot . sh -c 'systemd-sysusers boothd.conf && systemctl enable boothd.service'
   fi
 }
 install_package >/dev/null 2>/mnt/install.log || { cat /mnt/install.log; give_up "boothd cannot be installed"; }
