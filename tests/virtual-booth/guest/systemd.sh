@@ -19,6 +19,8 @@ mount -t hostfs -o "$BOOTH_FOLDER/shared" host var/booth-host
 # A box has nothing but Debian and boothd: no other service of the host, none of its disks.
 rm -rf .dockerenv etc/systemd/system/*.wants etc/systemd/system/default.target var/lib/boothd etc/boothd
 : >etc/fstab
+# /tmp is not emptied at the start: the source tree may lie there.
+mkdir -p etc/tmpfiles.d && : >etc/tmpfiles.d/tmp.conf
 echo booth >etc/hostname
 printf '127.0.0.1 localhost\n127.0.1.1 booth\n' >etc/hosts
 echo 11111111111111111111111111111111 >etc/machine-id
