@@ -140,7 +140,8 @@ fs::path restore_calibration(const fs::path& file) {
     write_file_atomically(file, read_file_bytes(*backup, kLargest));
     return *backup;
   }
-  throw std::runtime_error(fmt::format("{}: none of the {} calibrations that were kept beside it can be read; calibrate again", file.string(), kept.size()));
+  if (kept.empty()) throw std::runtime_error(fmt::format("{}: no calibration from before was kept beside it; calibrate anew", file.string()));
+  throw std::runtime_error(fmt::format("{}: none of the {} calibrations that were kept beside it can be read; calibrate anew", file.string(), kept.size()));
 }
 
 StoredCalibration load_calibration(const fs::path& file) {

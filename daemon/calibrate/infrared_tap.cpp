@@ -1,26 +1,25 @@
 // A slot gets a buffer for infrared before it is read into, and gives it back before the pipeline sees it.
 #include "daemon/calibrate/infrared_tap.hpp"
 
+#include "hal/wrapped_camera.hpp"
+
 namespace booth::daemon {
 
-class TappedInfrared final : public hal::DepthCamera {
+class TappedInfrared final : public hal::WrappedCamera {
  public:
   TappedInfrared(std::unique_ptr<hal::DepthCamera> camera, hal::CameraIndex index, const InfraredTap& tap)
-      : camera_(std::move(camera)), index_(index), tap_(tap) {}
+      : WrappedCamera(std::move(camera)), index_(index), tap_(tap) {}
 
-  const hal::CameraDescription& description() const override { return camera_->description(); }
-  void start() override { camera_->start(); }
-  void stop() noexcept override { camera_->stop(); }
   hal::ReadStatus read(hal::DepthFrame& slot, hal::Nanoseconds timeout) override {
     const auto newest = tap_.newest();
     if (!newest) {
       infrared_ = {};
-      return camera_->read(slot, timeout);
+      return WrappedCamera::read(slot, timeout);
     }
     const auto& k = description().intrinsics;
     infrared_.resize(static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height));  // once in each calibration; nobody is captured then
     slot.infrared.swap(infrared_);
-    const hal::ReadStatus status = camera_->read(slot, timeout);
+    const hal::ReadStatus status = WrappedCamera::read(slot, timeout);
     if (status == hal::ReadStatus::frame) {
       slot.camera = index_;
       newest->put(slot);
@@ -28,11 +27,8 @@ class TappedInfrared final : public hal::DepthCamera {
     slot.infrared.swap(infrared_);
     return status;
   }
-  hal::CameraCounters counters() const override { return camera_->counters(); }
-  std::string last_error() const override { return camera_->last_error(); }
 
  private:
-  const std::unique_ptr<hal::DepthCamera> camera_;
   const hal::CameraIndex index_;
   const InfraredTap& tap_;
   std::vector<std::uint16_t> infrared_;

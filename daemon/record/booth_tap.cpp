@@ -1,30 +1,26 @@
 // Each wrapper does what it wraps does, and tells the recorder.
 #include "daemon/record/booth_tap.hpp"
 
+#include "hal/wrapped_camera.hpp"
+
 namespace booth::daemon {
 namespace {
 
-class TappedCamera final : public hal::DepthCamera {
+class TappedCamera final : public hal::WrappedCamera {
  public:
   TappedCamera(std::unique_ptr<hal::DepthCamera> camera, hal::CameraIndex index, hal::FlightRecorder& recorder)
-      : camera_(std::move(camera)), index_(index), recorder_(recorder) {}
+      : WrappedCamera(std::move(camera)), index_(index), recorder_(recorder) {}
 
-  const hal::CameraDescription& description() const override { return camera_->description(); }
-  void start() override { camera_->start(); }
-  void stop() noexcept override { camera_->stop(); }
   hal::ReadStatus read(hal::DepthFrame& slot, hal::Nanoseconds timeout) override {
-    const hal::ReadStatus status = camera_->read(slot, timeout);
+    const hal::ReadStatus status = WrappedCamera::read(slot, timeout);
     if (status == hal::ReadStatus::frame) {
       slot.camera = index_;
       recorder_.frame(slot);
     }
     return status;
   }
-  hal::CameraCounters counters() const override { return camera_->counters(); }
-  std::string last_error() const override { return camera_->last_error(); }
 
  private:
-  const std::unique_ptr<hal::DepthCamera> camera_;
   const hal::CameraIndex index_;
   hal::FlightRecorder& recorder_;
 };

@@ -22,3 +22,24 @@ within() {
 host_time() { : >"$BOOTH_FOLDER/now" && stat -c %.3Y "$BOOTH_FOLDER/now"; }
 # In kilobytes of resident memory, process $1
 resident() { sed -n 's/^VmRSS:[^0-9]*\([0-9]*\).*/\1/p' "/proc/$1/status"; }
+# A chip with button and lamp on the wall; where its simulated lines are is $lines.
+make_wall() {
+  local chip=/sys/kernel/config/gpio-sim/booth
+  mkdir -p $chip/bank0/line0 $chip/bank0/line1
+  echo 4 >$chip/bank0/num_lines
+  echo booth-wall >$chip/bank0/label
+  echo button >$chip/bank0/line0/name
+  echo lamp >$chip/bank0/line1/name
+  echo 1 >$chip/live
+  lines=/sys/devices/platform/$(cat $chip/dev_name)/$(cat $chip/bank0/chip_name)
+}
+# Another machine on the booth's network: a network namespace; its end of the cable has the same name, so that one configuration serves both.
+make_visitor_network() {
+  ip netns add visitor
+  ip link add booth0 type veth peer name booth0 netns visitor
+  ip address add 10.77.0.1/24 dev booth0
+  ip link set booth0 up
+  ip -n visitor address add 10.77.0.2/24 dev booth0
+  ip -n visitor link set booth0 up
+  ip -n visitor link set lo up
+}

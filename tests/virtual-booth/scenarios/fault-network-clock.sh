@@ -6,13 +6,7 @@
 # needs: boothd boothctl
 set -eu
 bin=$BOOTH_BUILD/bin
-ip netns add visitor
-ip link add booth0 type veth peer name booth0 netns visitor
-ip address add 10.77.0.1/24 dev booth0
-ip link set booth0 up
-ip -n visitor address add 10.77.0.2/24 dev booth0
-ip -n visitor link set booth0 up
-ip -n visitor link set lo up
+make_visitor_network
 cat >boothd.toml <<EOT
 booth.id = "virtual"
 control.socket = "/run/booth/control.sock"

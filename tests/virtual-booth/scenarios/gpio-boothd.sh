@@ -6,14 +6,7 @@
 # In virtual time: the guest's clock stands still while anything computes, so that blinks have their length however busy the host is.
 set -eu
 bin=$BOOTH_BUILD/bin
-chip=/sys/kernel/config/gpio-sim/booth
-mkdir -p $chip/bank0/line0 $chip/bank0/line1
-echo 4 >$chip/bank0/num_lines
-echo booth-wall >$chip/bank0/label
-echo button >$chip/bank0/line0/name
-echo lamp >$chip/bank0/line1/name
-echo 1 >$chip/live
-lines=/sys/devices/platform/$(cat $chip/dev_name)/$(cat $chip/bank0/chip_name)
+make_wall
 button() { echo "$1" >"$lines/sim_gpio0/pull"; }
 press() { button pull-down; sleep "$1"; button pull-up; }
 button pull-up
