@@ -256,6 +256,7 @@ TEST_F(PanelLinkTest, AShortPressAnEmergencyAndAStopEndACalibration) {
     ASSERT_TRUE(reaches(SessionState::idle));
     EXPECT_EQ(fake.status().outcome, CalibrationStatus::Outcome::cancelled);
   }
+  ASSERT_TRUE(shows({LightPattern::fault_code, 1, false})) << "or the light of before would be taken for that of the release";
   EXPECT_EQ(controller->request(SessionEvent::calibrate, "dds").text, "the emergency stop is pressed; release it first");
   panel.press(TriggerKind::emergency_released);
   ASSERT_TRUE(shows({LightPattern::idle_steady}));
