@@ -86,7 +86,9 @@ const std::optional<std::vector<Rigid>>& ViewCollector::places() const {
 }
 
 FoundBoards ViewCollector::find_on_floor(const std::vector<ViewPicture>& pictures, FoundBoards found) const {
-  constexpr double kLikeness = 0.5, kMostRms = 0.6;
+  // Squares are six pixels high here: a shoe beside the board or a seam of the floor is easily taken for a corner.
+  constexpr double kLikeness = 0.5, kMostRms = 0.6, kStray = 1.0;
+  constexpr std::size_t kLeastCorners = 12;
   const auto& where = places();
   if (!where) return found;
   std::vector<FloorPicture> floor;
@@ -102,7 +104,10 @@ FoundBoards ViewCollector::find_on_floor(const std::vector<ViewPicture>& picture
     const Rigid pose = floor[i].camera_from_floor * board->floor_from_board;
     Eigen::Matrix2Xd corners(2, Board::kCorners);
     for (int id = 0; id < Board::kCorners; ++id) corners.col(id) = floor[i].lens.project(pose * input_.board.corner(id));
-    if (auto sighting = sight_board_at(pictures[i].infrared, corners)) take(pictures[i], std::move(*sighting), kMostRms, found);
+    auto sighting = sight_board_at(pictures[i].infrared, corners);
+    if (!sighting) continue;
+    drop_strays(input_.lenses[static_cast<std::size_t>(pictures[i].camera)], input_.board, kStray, kLeastCorners, *sighting);
+    take(pictures[i], std::move(*sighting), kMostRms, found);
   }
   return found;
 }

@@ -151,4 +151,36 @@ std::optional<BoardPose> pose_of_board(const Lens& lens, const Board& board, con
   return BoardPose{first, std::sqrt(first_cost / static_cast<double>(count))};
 }
 
+int drop_strays(const Lens& lens, const Board& board, double stray_px, std::size_t least, Sighting& sighting) {
+  const auto without = [&](std::size_t left_out) {
+    Sighting rest;
+    rest.depth = sighting.depth;
+    rest.pixel.resize(2, sighting.pixel.cols() - 1);
+    for (std::size_t i = 0; i < sighting.corner.size(); ++i) {
+      if (i == left_out) continue;
+      rest.pixel.col(static_cast<Eigen::Index>(rest.corner.size())) = sighting.pixel.col(static_cast<Eigen::Index>(i));
+      rest.corner.push_back(sighting.corner[i]);
+    }
+    return rest;
+  };
+  int dropped = 0;
+  while (sighting.corner.size() > std::max<std::size_t>(least, 7)) {
+    const auto all = pose_of_board(lens, board, sighting);
+    if (!all) break;
+    const auto off = [&](const Rigid& pose, std::size_t i) {
+      return (lens.project(pose * board.corner(sighting.corner[i])) - sighting.pixel.col(static_cast<Eigen::Index>(i))).norm();
+    };
+    std::size_t worst = 0;
+    for (std::size_t i = 1; i < sighting.corner.size(); ++i)
+      if (off(all->camera_from_board, i) > off(all->camera_from_board, worst)) worst = i;
+    Sighting rest = without(worst);
+    const auto pose = pose_of_board(lens, board, rest);
+    if (!pose || off(pose->camera_from_board, worst) <= stray_px) break;
+    sighting.corner = std::move(rest.corner);
+    sighting.pixel = std::move(rest.pixel);
+    ++dropped;
+  }
+  return dropped;
+}
+
 }  // namespace booth::fit::calibrate

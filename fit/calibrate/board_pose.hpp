@@ -34,6 +34,10 @@ struct BoardPose {
 /// the measured depth is taken. Homography, then Levenberg-Marquardt through the lens. Nothing when fewer than six corners or corners on a line.
 std::optional<BoardPose> pose_of_board(const Lens& lens, const Board& board, const Sighting& sighting);
 
+/// Drops corners one by one, the worst first, while one is more than `stray_px` off where the pose of all others puts it and more than `least` are left: what a
+/// finder took for a corner beside a shoe or a reflection. Returns how many went; the pose of those that stay is pose_of_board()'s.
+int drop_strays(const Lens& lens, const Board& board, double stray_px, std::size_t least, Sighting& sighting);
+
 /// Metres along z at which a ray meets the board's plane; NaN where it does not.
 double depth_of_plane(const Rigid& camera_from_board, double x, double y);
 

@@ -13,6 +13,7 @@
 #include "drivers/clock/system_clock.hpp"
 #include "tests/daemon/dds/peer.hpp"
 #include "tests/daemon/support/fake_booth.hpp"
+#include "tests/daemon/support/program.hpp"
 
 namespace booth::tests {
 namespace {
@@ -23,27 +24,8 @@ using daemon::DdsLink;
 
 daemon::DdsAnswer no(daemon::DdsCommand) { return {}; }
 
-/// A booth in a program of its own.
-class BoothProcess {
- public:
-  BoothProcess() {
-    const std::string domain = std::to_string(test_domain());
-    pid_ = ::fork();
-    if (pid_ != 0) return;
-    ::execl(BOOTH_BINARY_DIR "/bin/booth-simulated", "booth-simulated", domain.c_str(), "victim", "1", nullptr);
-    ::_exit(127);
-  }
-  ~BoothProcess() {
-    ::kill(pid_, SIGKILL);
-    ::waitpid(pid_, nullptr, 0);
-  }
-  void signal(int s) const { ::kill(pid_, s); }
-
- private:
-  pid_t pid_;
-};
-
 struct Ear : ::testing::TestWithParam<int> {
+  TemporaryFolder folder;
   Peer peer{"victim0"};
   dds_entity_t reader = 0;
   void SetUp() override {
@@ -69,7 +51,7 @@ TEST_P(Ear, MissesABoothWithinASecond) {
   // On a busy machine one try may be late; that all are would mean that the promise is not kept.
   auto best = 3600'000ms;
   for (int attempt = 0; attempt < 5 && best > 1000ms; ++attempt) {
-    const BoothProcess booth;
+    const Program booth("booth-simulated", {std::to_string(test_domain()), "victim", "1"}, folder.path / "booth");
     ASSERT_TRUE(eventually([&] { return alive() > 0; }, 60s));
     ASSERT_TRUE(take<booth_msg_Skeleton>(reader, [](const auto&) {}));
     const std::uint32_t missed_before = missed();

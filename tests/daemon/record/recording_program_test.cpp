@@ -1,16 +1,14 @@
 // boothd and boothctl as a person uses them: recordings of a session, replayed to the same bits, read by strangers' readers; kill -9 in the middle of one.
-#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <nlohmann/json.hpp>
 #include <thread>
 
 #include "daemon/ctl/control_client.hpp"
 #include "tests/daemon/support/fake_booth.hpp"
+#include "tests/daemon/support/program.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
 
 namespace booth::daemon {
@@ -21,57 +19,19 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 using ::testing::HasSubstr;
 using tests::eventually;
+using tests::Program;
 using tests::read_text;
-
-/// A child with stdout and stderr in files of their own.
-class Child {
- public:
-  Child(std::vector<std::string> words, const fs::path& output) : output_(output) {
-    std::vector<char*> argv;
-    for (auto& w : words) argv.push_back(w.data());
-    argv.push_back(nullptr);
-    pid_ = ::fork();
-    if (pid_ == 0) {
-      ::dup2(::open((output_.string() + ".out").c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDOUT_FILENO);
-      ::dup2(::open((output_.string() + ".err").c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDERR_FILENO);
-      ::execvp(argv[0], argv.data());
-      ::_exit(127);
-    }
-  }
-  ~Child() {
-    if (pid_ > 0) {
-      ::kill(pid_, SIGKILL);
-      ::waitpid(pid_, nullptr, 0);
-    }
-  }
-  Child(const Child&) = delete;
-  void signal(int s) {
-    if (pid_ > 0) ::kill(pid_, s);
-  }
-  int wait(std::chrono::seconds limit = 120s) {
-    int status = 0;
-    if (!eventually([&] { return ::waitpid(pid_, &status, WNOHANG) == pid_; }, limit)) return -1;
-    pid_ = -1;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-  std::string out() const { return read_text(output_.string() + ".out"); }
-  std::string err() const { return read_text(output_.string() + ".err"); }
-
- private:
-  fs::path output_;
-  pid_t pid_ = -1;
-};
 
 struct RecordingProgram : ::testing::Test {
   tests::TemporaryFolder folder;
   const std::string socket = (folder.path / "c.sock").string();
-  std::unique_ptr<Child> boothd;
+  std::unique_ptr<Program> boothd;
   std::string out, err;
   int starts = 0;
 
   /// `more`: further key=value.
   void start(bool depth, const std::vector<std::string>& more = {}) {
-    std::vector<std::string> words{BOOTH_BINARY_DIR "/bin/boothd"};
+    std::vector<std::string> words;
     for (const std::string& s :
          {"control.socket=" + socket, "session.directory=" + (folder.path / "sessions").string(), "record.directory=" + (folder.path / "recordings").string(),
           "record.depth=" + std::string(depth ? "true" : "false"), std::string("record.memory_bytes=100000000"), std::string("record.keep_free_bytes=0"),
@@ -80,14 +40,13 @@ struct RecordingProgram : ::testing::Test {
       words.push_back(s);
     }
     for (const auto& s : more) words.insert(words.end(), {"--set", s});
-    boothd = std::make_unique<Child>(words, folder.path / ("boothd-" + std::to_string(++starts)));
+    boothd = std::make_unique<Program>("boothd", words, folder.path / ("boothd-" + std::to_string(++starts)));
     ASSERT_TRUE(eventually([&] { return boothd->err().find("is ready") != std::string::npos; }, 60s)) << boothd->err();
   }
   int ctl(std::vector<std::string> words, const std::string& verb_socket = {}) {
-    words.insert(words.begin(), BOOTH_BINARY_DIR "/bin/boothctl");
     if (!verb_socket.empty()) words.insert(words.end(), {"--socket", verb_socket});
-    Child child(words, folder.path / "ctl");
-    const int status = child.wait();
+    Program child("boothctl", words, folder.path / "ctl");
+    const int status = child.wait(120s);
     out = child.out(), err = child.err();
     return status;
   }
@@ -100,8 +59,8 @@ struct RecordingProgram : ::testing::Test {
       return false;
     }
     ::setenv("NODE_PATH", modules.c_str(), 1);
-    Child child({"node", BOOTH_SOURCE_DIR "/tests/readers/" + script, what.string()}, folder.path / "node");
-    EXPECT_EQ(child.wait(), 0) << child.err();
+    Program child("/usr/bin/env", {"node", BOOTH_SOURCE_DIR "/tests/readers/" + script, what.string()}, folder.path / "node");
+    EXPECT_EQ(child.wait(120s), 0) << child.err();
     out = child.out();
     return true;
   }
@@ -109,7 +68,7 @@ struct RecordingProgram : ::testing::Test {
 
 TEST_F(RecordingProgram, IsReplayedToTheSameBitsAndReadByStrangers) {
   start(true);
-  Child recorder({BOOTH_BINARY_DIR "/bin/boothctl", "record", "--depth", "--socket", socket}, folder.path / "record");
+  Program recorder("boothctl", {"record", "--depth", "--socket", socket}, folder.path / "record");
   ASSERT_TRUE(eventually([&] { return ask({{"request", "record_status"}})["recording"]["running"] == true; }, 30s)) << recorder.err();
   EXPECT_EQ(ask({{"request", "start"}})["ok"], true);
   ASSERT_TRUE(eventually([&] { return ask({{"request", "status"}})["frames"].get<int>() >= 12; }, 100s));
@@ -195,7 +154,7 @@ TEST_F(RecordingProgram, SealedItOpensForTheKeyAloneAndIsReplayedToTheSameBits) 
 }
 
 TEST_F(RecordingProgram, AKeyThatIsNotThereMeansNoStart) {
-  Child refused({BOOTH_BINARY_DIR "/bin/boothd", "--set", "control.socket=" + socket, "--set", "privacy.seal_to=" + (folder.path / "none.public").string()},
+  Program refused("boothd", {"--set", "control.socket=" + socket, "--set", "privacy.seal_to=" + (folder.path / "none.public").string()},
                 folder.path / "refused");
   EXPECT_EQ(refused.wait(), 78);
   EXPECT_THAT(refused.err(), HasSubstr("none.public: the key cannot be read"));

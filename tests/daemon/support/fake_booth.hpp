@@ -110,7 +110,7 @@ class FakeFitter final : public daemon::FrameFitter {
 
 /// True as soon as `condition` is, false when it has not become so within the limit.
 template <class F>
-bool eventually(F condition, std::chrono::milliseconds limit = std::chrono::seconds(10)) {
+bool eventually(F condition, std::chrono::milliseconds limit = std::chrono::seconds(30)) {
   const auto deadline = std::chrono::steady_clock::now() + limit;
   while (!condition()) {
     if (std::chrono::steady_clock::now() > deadline) return false;

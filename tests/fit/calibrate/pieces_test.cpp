@@ -108,6 +108,27 @@ TEST(BoardPose, CornersOnALineGiveNone) {
   EXPECT_FALSE(pose_of_board(in.lenses[0], in.board, s));
 }
 
+TEST(BoardPose, StrayCornersAreDroppedAndNoOthers) {
+  BoardBooth truth;
+  const auto in = show_boards({.corner_noise = 0.15}, truth);
+  for (std::size_t k = 0; k < 8; ++k) {
+    Sighting s = in.sightings[k];
+    const std::size_t whole = s.corner.size(), least = whole / 2;
+    EXPECT_EQ(drop_strays(in.lenses[0], in.board, 1.0, least, s), 0);
+    const std::vector<int> strays{s.corner[2], s.corner[whole - 3]};
+    s.pixel.col(2) += Eigen::Vector2d(0.6, -2.4);
+    s.pixel.col(static_cast<Eigen::Index>(whole) - 3) += Eigen::Vector2d(-1.8, 0.4);
+    EXPECT_EQ(drop_strays(in.lenses[0], in.board, 1.0, least, s), 2);
+    ASSERT_EQ(s.corner.size(), whole - 2);
+    for (const int stray : strays) EXPECT_EQ(std::count(s.corner.begin(), s.corner.end(), stray), 0);
+    ASSERT_EQ(s.pixel.cols(), static_cast<Eigen::Index>(s.corner.size()));
+    EXPECT_LT(pose_of_board(in.lenses[0], in.board, s)->rms_px, 0.3);
+    for (Eigen::Index i = 0; i < s.pixel.cols(); ++i) s.pixel.col(i) += Eigen::Vector2d((i * 7 % 5 - 2) * 3.0, (i * 3 % 7 - 3) * 3.0);
+    drop_strays(in.lenses[0], in.board, 1.0, least, s);
+    EXPECT_GE(s.corner.size(), least) << "where nothing fits, as many stay as were asked for";
+  }
+}
+
 TEST(Bundle, TheSolutionIsAMinimumInEveryDirection) {
   // The derivatives are right if no small step in any unknown lowers the cost at the end.
   BoardBooth truth;
