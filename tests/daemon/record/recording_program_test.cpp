@@ -155,7 +155,7 @@ TEST_F(RecordingProgram, SealedItOpensForTheKeyAloneAndIsReplayedToTheSameBits) 
 
 TEST_F(RecordingProgram, AKeyThatIsNotThereMeansNoStart) {
   Program refused("boothd", {"--set", "control.socket=" + socket, "--set", "privacy.seal_to=" + (folder.path / "none.public").string()},
-                folder.path / "refused");
+                  folder.path / "refused");
   EXPECT_EQ(refused.wait(), 78);
   EXPECT_THAT(refused.err(), HasSubstr("none.public: the key cannot be read"));
 }
