@@ -12,6 +12,7 @@
 #include <set>
 #include <sstream>
 #include <thread>
+#include <tuple>
 
 #include "tests/accuracy/booth/motion_run.hpp"
 #include "tests/accuracy/booth/poses.hpp"
@@ -150,6 +151,58 @@ TEST(Protocol, EveryPlanHasUnitsWithNamesOfTheirOwn) {
       EXPECT_FALSE(keys.empty()) << e.name;
     }
   }
+}
+
+/// A folder of recorded motions: somebody who stands, at 30 frames/s, under each of the given (subject, class, frames).
+std::filesystem::path recorded_motions(const std::string& name, const std::vector<std::tuple<std::string, std::string, int>>& clips) {
+  const auto folder = fresh_folder(name);
+  std::filesystem::create_directories(folder / "train");
+  std::ofstream table(folder / "train/clips.csv");
+  table << "clip,cmu_trial,subject,cls,start,frames\n";
+  int start = 0;
+  for (const auto& [subject, kind, frames] : clips) {
+    table << "c" << start << ",c" << start << "," << subject << "," << kind << "," << start << "," << frames << "\n";
+    start += frames;
+  }
+  std::string head = "{'descr': '<f4', 'fortran_order': False, 'shape': (" + std::to_string(start) + ", 36), }";
+  head.resize(117, ' ');
+  head += '\n';
+  std::ofstream array(folder / "train/q.npy", std::ios::binary);
+  array << std::string("\x93NUMPY\x01\x00", 8) << static_cast<char>(head.size()) << '\0' << head;
+  const fit::PoseVector rest = short_request().subjects->models().men->rest_pose();
+  for (int k = 0; k < start; ++k)
+    for (int i = 0; i < fit::kDofs; ++i) {
+      const float angle = i == 1 ? 1.0f : static_cast<float>(rest[i]);
+      array.write(reinterpret_cast<const char*>(&angle), sizeof angle);
+    }
+  return folder;
+}
+
+TEST(Protocol, RecordedMotionsAreFollowedOneOfAKindByBodiesInTurnsAndHaveAPageOfTheirOwn) {
+  // Subjects 08 and 32 were set aside before training, 05 was not.
+  const auto folder = recorded_motions("recorded", {{"08", "walk", 50}, {"08", "walk", 50}, {"05", "dance", 50}, {"32", "wave", 39}, {"32", "bend", 41}});
+  Request request = short_request();
+  request.data = folder;
+  std::vector<std::string> keys;
+  for (const Unit& unit : plan_tracking(request).units) keys.push_back(unit.key);
+  const std::vector<std::string> wanted{"walk (c0) test:4", "bend (c189) test:49", "at rest test:4", "at rest test:49"};
+  EXPECT_EQ(keys, wanted) << "a second walk, a training motion and one that is too short are left out";
+  const Samples s = run_units(plan_tracking(request), "bend");
+  const Sample* errors = s.find("bend (c189)", "booth", "15 main joints, mean of a frame");
+  ASSERT_NE(errors, nullptr);
+  EXPECT_EQ(errors->tally.n(), 40u) << "to the recording's end, a frame short of its last pose";
+  EXPECT_LT(errors->tally.mean(), 3);
+
+  const Experiment none{"tiny", "A tiny table", [](const Request&) { return Plan{.protocol = "Nothing.", .units = {}}; }};
+  const TableRun run = run_table(none, {request, folder, "boothctl evaluate --table tiny", "x", {}});
+  EXPECT_EQ(run.table.name, "tiny-recorded");
+  EXPECT_TRUE(std::filesystem::exists(folder / "tiny-recorded.md"));
+  request.short_form = false;
+  std::set<std::string> followers;
+  for (const Unit& unit : plan_tracking(request).units)
+    if (unit.key.starts_with("walk") || unit.key.starts_with("bend")) followers.insert(unit.key.substr(unit.key.find("test:")));
+  EXPECT_EQ(followers.size(), 6u) << "one half of the bodies and the other";
+  std::filesystem::remove_all(folder);
 }
 
 TEST(Protocol, AFittedBodyThatIsTheTruthHasNoErrorAndOneThatIsMovedHasThatMuch) {

@@ -55,12 +55,14 @@ std::vector<Clip> held_out_clips(const Request& request) {
   const daemon::MotionFolder folder = daemon::load_motion_folder(request.data, request.subjects->folder() / "held_out_motions.csv");
   std::map<std::string, int> taken;
   for (const auto& clip : folder.clips) {
-    constexpr int kOfAKind = 3, kShortest = 60;
-    if (clip.use != daemon::MotionUse::held_out || clip.frames < kShortest || taken[clip.motion_class]++ >= kOfAKind) continue;
+    constexpr int kShortest = 40;  // people run through the recorded volume in 1.4 s
+    const int most = request.short_form ? 1 : 3;
+    if (clip.use != daemon::MotionUse::held_out || clip.frames < kShortest || taken[clip.motion_class]++ >= most) continue;
     Clip c{clip.motion_class + " (" + clip.name + ")"};
     for (int k = 0; k < clip.frames; ++k) c.frames.push_back(folder.q.col(clip.start + k).cast<double>());
     out.push_back(std::move(c));
   }
+  if (request.short_form) return out;
   // Kicks, rolling hands and bends are not among the recorded ones.
   for (const char* own : {"kick", "roll-hands", "squat"}) out.push_back({own});
   return out;

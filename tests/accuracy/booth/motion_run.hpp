@@ -18,7 +18,8 @@ struct Clip {
   std::vector<fit::PoseVector> frames{};  ///< recorded, 30 a second; empty: the project's own motion `name`
 };
 
-/// The project's own motions, or with `request.data` those set aside there, one or two of a kind.
+/// The project's own motions, or with `request.data` those set aside there: up to three of a kind and own ones of kinds that are missing; in the short form
+/// one of a kind.
 std::vector<Clip> held_out_clips(const Request& request);
 
 struct Sighting {

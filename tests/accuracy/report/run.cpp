@@ -54,12 +54,14 @@ void write(const std::filesystem::path& folder, Table& table, const Plan& plan) 
 
 TableRun run_table(const Experiment& experiment, const RunOptions& options) {
   const Request& request = options.request;
-  Journal journal(options.out, experiment.name,
+  // Pages of recorded motions stand beside those of the project's own.
+  const std::string name = std::string(experiment.name) + (request.data.empty() ? "" : "-recorded");
+  Journal journal(options.out, name,
                   fmt::format("{} {}{} data={}", options.identity, experiment.name, request.short_form ? " short" : "", request.data.string()));
   TableRun run;
   run.plan = experiment.plan(request);
   Table& table = run.table;
-  table.name = experiment.name, table.title = experiment.title, table.command = options.command;
+  table.name = name, table.title = std::string(experiment.title) + (request.data.empty() ? "" : ", recorded motions"), table.command = options.command;
   table.facts = options.facts;
   table.short_form = request.short_form;
   table.planned = run.plan.units.size();

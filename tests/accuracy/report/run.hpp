@@ -24,7 +24,8 @@ struct TableRun {
 };
 
 /// Units in order, those of an earlier run taken from its journal; progress on stderr when that is a terminal. With `out`: NAME.json, NAME.md and pictures,
-/// also when interrupted (marked as not complete, and the journal stays). Throws std::runtime_error when the folder cannot be written.
+/// also when interrupted (marked as not complete, and the journal stays); NAME ends in -recorded where the request names recorded motions. Throws
+/// std::runtime_error when the folder cannot be written.
 TableRun run_table(const Experiment& experiment, const RunOptions& options);
 
 }  // namespace booth::accuracy
