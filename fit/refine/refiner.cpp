@@ -350,8 +350,6 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
   bool standing = false;  // the poser and the grid are at (q, beta)
   for (const RefineSchedule::Stage& stage : schedule.stages) {
     problem.stage = stage;
-    problem.cloud_samples = std::min(schedule.cloud_samples, observation.cloud.size) / stage.thin;
-    problem.model_samples = std::min(schedule.model_samples, model_samples_) / stage.thin;
     double damping = kFirstDamping;
     if (!standing) pose_at(q, beta);
     double energy = evaluate_here(q, beta, true);
@@ -370,12 +368,6 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
       const PoseVector trial_q = q + step_.head<kDofs>();
       ShapeVector trial_beta = beta;
       if (schedule.shape) trial_beta += step_.tail(shape_count());
-      if (schedule.unseen_steps && !last_stage && iteration + 1 == stage.iterations) {
-        q = trial_q, beta = trial_beta;
-        standing = false;
-        ++report.iterations;
-        break;
-      }
       pose_at(trial_q, trial_beta);
       // Of the last step only the figures are wanted: the curvature hardly changes any more.
       const bool rows = schedule.shape || !last_stage || iteration + 1 < stage.iterations;

@@ -48,12 +48,10 @@ struct RefineSchedule {
   bool model_to_cloud = false;  ///< for clouds without views: vertices also look for the cloud
   bool shape = true;            ///< false: the shape is held
   double least_promise = 0;     ///< share of the energy that a step must promise to take off, else the stage ends without looking at it
-  bool unseen_steps = false;    ///< the last step of a stage that another follows is taken as it is: the next stage looks there anyway
   struct Stage {
     int iterations;
     float robust;  ///< m; residuals much larger than this lose their say
     float reach;   ///< m; how far a correspondence may be
-    int thin = 1;  ///< only every so many of the samples: enough for first steps
   };
   std::vector<Stage> stages;
 };

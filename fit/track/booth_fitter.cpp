@@ -15,7 +15,6 @@ constexpr int kSecondRound = 12;
 constexpr double kConvincingData = 0.07, kConvincingFreeSpace = 0.03;
 constexpr double kSureData = 0.034, kSureUnexplained = 0.005, kSureFreeSpace = 0.025;  // the winner of a race that leaves more may have a limb wrong
 constexpr double kDoubtfulData = 0.042;                                                // and so may a finished start
-constexpr int kThinned = 2;                                                            // every so many samples for the first steps of a tracked frame
 constexpr double kStartPromise = 2e-4;                                                 // of the energy, that a step of a start must promise
 constexpr double kSameMove = 0.06, kSameTurn = 0.15;                                   // m, rad: poses nearer than this are one finalist
 constexpr double kLimbGain = 0.98;                                                     // share of the evidence's energy that a replaced limb may leave
@@ -57,9 +56,8 @@ BoothFitter::BoothFitter(const BodyModel& model, const PosePrior& prior, WorkerP
   limb_schedule_ = {.cloud_samples = 600, .model_samples = 200, .shape = false, .stages = {{4, 0.10f, 0.25f}, {3, 0.04f, 0.12f}}};
   start_schedule_ = {.cloud_samples = 2000, .model_samples = 700, .shape = true, .stages = {{10, 0.05f, 0.15f}, {10, 0.025f, 0.10f}}};
   thorough_track_schedule_ = {.cloud_samples = 1500, .model_samples = 500, .shape = true, .stages = {{3, 0.05f, 0.15f}, {5, 0.025f, 0.10f}}};
-  // Near the solution one robust scale and half the steps come to the same place, the first two with every other sample: docs/design/performance-pipeline.md.
-  track_schedule_ = {
-      .cloud_samples = 1500, .model_samples = 500, .shape = false, .unseen_steps = true, .stages = {{2, 0.03f, 0.12f, kThinned}, {3, 0.03f, 0.12f}}};
+  // Near the solution one robust scale and half the steps come to the same place: see docs/design/performance-pipeline.md.
+  track_schedule_ = {.cloud_samples = 1500, .model_samples = 500, .shape = false, .stages = {{5, 0.03f, 0.12f}}};
   for (RefineSchedule* s : {&rough_schedule_, &coarse_schedule_, &middle_schedule_, &start_schedule_, &limb_glance_schedule_, &limb_schedule_})
     s->least_promise = kStartPromise;
   if (!parts_.pose_prior) weights_.pose_outside = weights_.pose_inside = weights_.limits = 0;
