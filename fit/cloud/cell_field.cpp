@@ -17,10 +17,10 @@ using cells::kAnyPoint;
 using cells::kNoPoint;
 using cells::word;
 
-// This file counts in parts: the fine grid's cells, of which 2 x 2 x 2 are one of the view's cells (the coarse grid here). A word's unit is the same in both.
+// The view's cells are the fine ones here; 2 x 2 x 2 of them are one of the coarse grid, over which what lies far from the cloud is found. A word's unit is
+// the same in both.
 constexpr int kSteps = 32, kLayerSteps = 16;  // of a fine cell along x and y, along z
 constexpr float kPerCell = 1 << 26;           // what square() takes for one fine cell, before squaring
-constexpr float kPartsWithin = 4.2f;          // fine cells; coarse cells whose centre is nearer to the cloud have parts: all of those are in near chunks
 constexpr float kUsable = 1000;               // m
 constexpr int kMost = 512;                    // cells along an axis
 constexpr int kChunk = 16;                    // cells along x that are treated together
@@ -28,13 +28,12 @@ constexpr int kTasks = 16;
 // Cells beyond the band on every side, to the first cell's centre: the two outermost of the coarse grid have no point. A device takes 1.8 bricks to the first
 // cell's corner (fit/swarm/device/point_kernels.hpp): two and a half cells more, so that its cells lie as these do and both fields mostly choose alike.
 constexpr float kMargin = 4.7f;
-constexpr float kMostBand = 27;       // cells, which a word still holds with the band's last cell
+constexpr float kMostBand = 27;       // cells, which a word still holds with the way from the band's last cell
 constexpr int kReach = 1;             // layers and rows to either side to which a point offers itself
 constexpr int kBefore = 3, kRow = 8;  // ... and cells along x: so many before its own, so many in all
 constexpr int kIndexBits = 17;
 constexpr float kKeyUnits = 990;  // per squared cell: the furthest of those cells still fits 15 bits
 constexpr std::uint32_t kNoKey = 0xFFFFFFFF;
-constexpr float kNear2 = (kPartsWithin * kPerCell) * (kPartsWithin * kPerCell);
 
 /// Squared length of a word, in units of 2^-52 squared cells.
 inline __attribute__((always_inline)) float square(std::int32_t w) {
@@ -147,17 +146,25 @@ BOOTH_KERNEL void offer_to_middle(std::int32_t* middle, const std::int32_t* fine
   for (int i = 0; i < count; ++i) middle[i] = nearer(nearer(middle[i], fine[2 * i], left, limit2), fine[2 * i + 1], right, limit2);
 }
 
-/// A row of answers: the cells' own, `none` where there is no point, kNoPoint where parts are to come, since the cloud is nearer than the root of `near2`.
-/// Gives the number of the latter.
-BOOTH_KERNEL int write_row(std::int32_t* out, const std::int32_t* middle, int count, std::int32_t none, float near2) {
-  int sum = 0;
+/// A word as another cell sees it, `away` from here.
+inline __attribute__((always_inline)) std::int32_t seen_from(std::int32_t w, std::int32_t away) {
+  const auto seen = static_cast<std::int32_t>(static_cast<std::uint32_t>(w) - static_cast<std::uint32_t>(away));
+  return w < kAnyPoint ? kNoPoint : seen;
+}
+
+/// The two neighbouring cells of a row take what their middle has, or its want of a point ...
+BOOTH_KERNEL void take_from_middle(std::int32_t* fine, const std::int32_t* middle, int count, int y, int z) {
+  const std::int32_t left = to_middle(0, y, z), right = to_middle(1, y, z);
+  for (int i = 0; i < count; ++i) fine[2 * i] = seen_from(middle[i], left), fine[2 * i + 1] = seen_from(middle[i], right);
+}
+
+/// ... or keep their own where that is nearer.
+BOOTH_KERNEL void take_if_nearer(std::int32_t* fine, const std::int32_t* middle, int count, int y, int z, float limit2) {
+  const std::int32_t left = to_middle(0, y, z), right = to_middle(1, y, z);
   for (int i = 0; i < count; ++i) {
-    const std::int32_t w = middle[i];
-    const bool near = square(w) <= near2;
-    sum += near ? 1 : 0;
-    out[i] = w < kAnyPoint ? none : near ? kNoPoint : w;
+    fine[2 * i] = nearer(fine[2 * i], middle[i], -left, limit2);
+    fine[2 * i + 1] = nearer(fine[2 * i + 1], middle[i], -right, limit2);
   }
-  return sum;
 }
 
 void check(const FieldSettings& s) {
@@ -177,26 +184,22 @@ CellField::CellField(const FieldSettings& settings) : settings_((check(settings)
   const auto bricks = static_cast<std::size_t>(settings.max_bricks), points = static_cast<std::size_t>(settings.max_points);
   fine_.assign(bricks * 64, kNoPoint);
   coarse_.assign(bricks * 8, kNoPoint);
-  answer_.assign(bricks * 8 + 8 * (1 + kMostNear), kNoPoint);
-  occupied_.resize(bricks), near_.resize(bricks / 4 + 1), near_row_.resize(kMost / 2 * (kMost / 2));
+  occupied_.resize(bricks), near_.resize(bricks / 4 + 1);
   for (auto* v : {&x_, &y_, &z_, &sorted_x_, &sorted_y_, &sorted_z_}) v->resize(points);
   word_.resize(points), layer_.resize(points);
-  start_.resize(kMost + 1), next_.resize(kTasks * kMost), near_start_.resize(kMost / 2 + 1);
+  start_.resize(kMost + 1), next_.resize(kTasks * kMost);
   clear();
 }
 
 std::size_t CellField::memory_bytes() const {
-  return (fine_.size() + coarse_.size() + answer_.size() + x_.size() * 6 + word_.size() + start_.size() + next_.size() + near_start_.size()) *
-             sizeof(std::int32_t) +
+  return (fine_.size() + coarse_.size() + x_.size() * 6 + word_.size() + start_.size() + next_.size()) * sizeof(std::int32_t) +
          layer_.size() * sizeof(std::int16_t) + occupied_.size() + near_.size();
 }
 
 void CellField::clear() {
   nx_ = ny_ = nz_ = 2;
-  std::fill_n(answer_.begin(), 9, kNoPoint);
-  answer_[0] = kNoPoint + 1;
-  near_count_ = left_out_ = 0;
-  view_.middle = answer_.data();
+  std::fill_n(fine_.begin(), cells(), kNoPoint);
+  view_.middle = fine_.data();
   view_.stride_y = view_.stride_z = 0;
   for (float& r : view_.reach) r = 0;
 }
@@ -214,18 +217,16 @@ void CellField::set_box(const float* low, const float* high) {
       break;
   }
   inverse_ = 1 / size;
-  view_.cell_size = 2 * size, view_.inverse_cell = 1 / view_.cell_size;
+  view_.cell_size = size, view_.inverse_cell = inverse_;
   const int count[3] = {nx_, ny_, nz_};
   for (int c = 0; c < 3; ++c) {
     origin_[c] = low[c] - (settings_.band + kMargin * size);
-    const int middle = count[c] / 4;
-    view_.origin[c] = origin_[c] + (0.5f + 2 * static_cast<float>(middle)) * size;
+    const int middle = count[c] / 2;
+    view_.origin[c] = origin_[c] + static_cast<float>(middle) * size;
     view_.reach[c] = static_cast<float>(middle - 1);
   }
-  const int width = nx_ / 2, height = ny_ / 2;
-  middle_ = (nz_ / 4 * height + ny_ / 4) * width + nx_ / 4;
-  view_.middle = answer_.data() + middle_;
-  view_.stride_y = static_cast<float>(width), view_.stride_z = static_cast<float>(width * height);
+  view_.middle = row(ny_ / 2, nz_ / 2) + nx_ / 2;
+  view_.stride_y = static_cast<float>(nx_), view_.stride_z = static_cast<float>(nx_ * ny_);
   // Half the diagonal of 2 x 2 x 2 cells more than the band: whoever asks within the band gets an answer.
   const float limit = (settings_.band / size + 1.75f) * kPerCell;
   limit2_ = limit * limit;
@@ -247,17 +248,6 @@ void CellField::rebuild(const Cloud& cloud, WorkerPool& pool) {
   pool.run(nz_ / 2, [&](int z) { describe_coarse_layer(z); });
   pool.run(ny_ / 2, [&](int y) { spread_across_coarse_layers(y); });
   pool.run(nz_ / 2, [&](int z) { write_cells(z); });
-  // Where each layer's parts begin, one after the other, so that it does not depend on the threads.
-  near_count_ = 0;
-  for (int z = 0; z < nz_ / 2; ++z) {
-    std::int32_t& start = near_start_[static_cast<std::size_t>(z)];
-    const std::int32_t count = start;
-    start = near_count_, near_count_ += count;
-  }
-  near_start_[static_cast<std::size_t>(nz_ / 2)] = near_count_;
-  left_out_ = std::max(near_count_ - kMostNear, 0);
-  near_count_ -= left_out_;
-  pool.run(nz_ / 2, [&](int z) { write_parts(z); });
 }
 
 void CellField::sort_points(const Cloud& cloud, int n, WorkerPool& pool) {
@@ -401,43 +391,21 @@ void CellField::spread_in_coarse_layer(int z) {
 
 void CellField::write_cells(int z) {
   spread_in_coarse_layer(z);  // once more: what came from other layers spreads in this one
-  const int width = nx_ / 2, height = ny_ / 2;
-  std::int32_t sum = 0;
-  for (int y = 0; y < height; ++y) {
-    const int near = write_row(answer_.data() + (z * height + y) * width, coarse_row(y, z), width, kNoPoint + cells() - middle_, kNear2);
-    near_row_[static_cast<std::size_t>(z * height + y)] = near > 0;
-    sum += near;
-  }
-  near_start_[static_cast<std::size_t>(z)] = sum;
-}
-
-void CellField::write_parts(int z) {
-  const int width = nx_ / 2, height = ny_ / 2, none = cells();
-  if (z == 0) std::fill_n(answer_.begin() + none, 8, kNoPoint);
-  std::int32_t next = near_start_[static_cast<std::size_t>(z)];
-  for (int y = 0; y < height; ++y) {
-    if (!near_row_[static_cast<std::size_t>(z * height + y)]) continue;
-    std::int32_t* out = answer_.data() + (z * height + y) * width;
-    for (int x = 0; x < width; ++x) {
-      if (out[x] != kNoPoint) continue;
-      if (next < kMostNear) {
-        const int at = none + 8 * (1 + next++);
-        out[x] = kNoPoint + at - middle_;
-        write_parts_of(x, y, z, answer_.data() + at);
-      } else {
-        out[x] = coarse_row(y, z)[x];
+  for (int fine_z = 2 * z; fine_z < 2 * z + 2; ++fine_z)
+    for (int y = 0; y < ny_; ++y) {
+      const std::uint8_t* near = chunks(near_, y, fine_z);
+      for (int c = 0, end; c < nx_ / kChunk; c = end) {  // runs of chunks
+        for (end = c + 1; end < nx_ / kChunk && (near[end] != 0) == (near[c] != 0); ++end) {
+        }
+        std::int32_t* fine = row(y, fine_z) + c * kChunk;
+        const std::int32_t* middle = coarse_row(y / 2, z) + c * kChunk / 2;
+        const int count = (end - c) * kChunk / 2;
+        if (near[c])
+          take_if_nearer(fine, middle, count, y & 1, fine_z & 1, limit2_);
+        else
+          take_from_middle(fine, middle, count, y & 1, fine_z & 1);
       }
     }
-  }
-}
-
-void CellField::write_parts_of(int x, int y, int z, std::int32_t* out) {
-  const std::int32_t middle = coarse_row(y, z)[x];
-  for (int k = 0; k < 8; ++k) {
-    const int a = k & 1 ? 0 : 1, b = k & 2 ? 0 : 1, c = k & 4 ? 0 : 1;
-    const std::int32_t away = to_middle(a, b, c), best = nearer(row(2 * y + b, 2 * z + c)[2 * x + a], middle, -away, limit2_);
-    out[k] = static_cast<std::int32_t>(static_cast<std::uint32_t>(best) + static_cast<std::uint32_t>(away));
-  }
 }
 
 bool CellField::nearest(const Eigen::Vector3f& p, Eigen::Vector3f& out) const {

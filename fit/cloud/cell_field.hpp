@@ -20,8 +20,8 @@ struct FieldSettings {
   int max_bricks = 80'000;  ///< of 4 x 4 x 4 (finest) cells, in the cloud's box and the band around it
 };
 
-/// The field of fit/cloud/cell_view.hpp with its memory, all taken in the constructor. Within about 4 cm of the cloud each part of a cell has an answer of its
-/// own; further away, where the distance is flatter, the whole cell has one. Queries are const and may run on many threads; rebuild() must not run
+/// The field of fit/cloud/cell_view.hpp with its memory, all taken in the constructor. Within some centimetres of the cloud each cell has an answer of its
+/// own; further away, where the distance is flatter, 2 x 2 x 2 cells share one. Queries are const and may run on many threads; rebuild() must not run
 /// beside them. The same bits for any number of threads and on every machine.
 class CellField {
  public:
@@ -34,14 +34,10 @@ class CellField {
   const CellView& view() const { return view_; }
   /// A point about as near to p as the nearest of the cloud; false when p is about the band or more away from all points. One look-up.
   bool nearest(const Eigen::Vector3f& p, Eigen::Vector3f& out) const;
-  /// Cells in the box, and how many of them have parts, after the last rebuild().
-  int cells() const { return nx_ * ny_ * nz_ / 8; }
-  int cells_with_parts() const { return near_count_; }
-  /// Cells that should have parts but have one answer, since a cloud spread so far has more than kMostNear of them.
-  int cells_left_out() const { return left_out_; }
-  static constexpr int kMostNear = 60'000;  ///< six times a person's
-  /// What the view shows, from the first cell on: cells() words, then 8 (1 + cells_with_parts()).
-  const std::int32_t* words() const { return answer_.data(); }
+  /// Cells in the box after the last rebuild().
+  int cells() const { return nx_ * ny_ * nz_; }
+  /// What the view shows, from the first cell on: cells() words.
+  const std::int32_t* words() const { return fine_.data(); }
   std::size_t memory_bytes() const;
 
  private:
@@ -57,8 +53,6 @@ class CellField {
   void spread_across_coarse_layers(int y);
   void spread_in_coarse_layer(int z);
   void write_cells(int z);
-  void write_parts(int z);
-  void write_parts_of(int x, int y, int z, std::int32_t* out);
 
   std::int32_t* row(int y, int z) { return fine_.data() + (static_cast<std::ptrdiff_t>(z) * ny_ + y) * nx_; }
   std::int32_t* coarse_row(int y, int z) { return coarse_.data() + (static_cast<std::ptrdiff_t>(z) * (ny_ / 2) + y) * (nx_ / 2); }
@@ -66,21 +60,18 @@ class CellField {
 
   FieldSettings settings_;
   CellView view_;
-  int nx_ = 2, ny_ = 2, nz_ = 2;                       // fine cells; multiples of 16, 4 and 4
-  float origin_[3] = {0, 0, 0};                        // m; the first fine cell's centre
-  float inverse_ = 1;                                  // fine cells per metre
-  float limit2_ = 0;                                   // squared distance of an answer, in units of 2^-52 squared fine cells
-  int middle_ = 0;                                     // index of the cell at the view's origin
-  int near_count_ = 0, left_out_ = 0;                  // cells with parts, and those for which there is no room
-  std::vector<std::int32_t> fine_, coarse_, answer_;   // words: of the fine grid (near chunks only), of the coarse one, and what the view shows
-  std::vector<std::uint8_t> occupied_;                 // bricks of 4 x 4 x 4 fine cells with points
-  std::vector<std::uint8_t> near_;                     // chunks of four bricks along x that have or touch a brick with points
-  std::vector<std::uint8_t> near_row_;                 // rows of cells of which some have parts
-  std::vector<float> x_, y_, z_;                       // the points in fine cells ...
+  int nx_ = 2, ny_ = 2, nz_ = 2;             // fine cells; multiples of 16, 4 and 4
+  float origin_[3] = {0, 0, 0};              // m; the first fine cell's centre
+  float inverse_ = 1;                        // fine cells per metre
+  float limit2_ = 0;                         // squared distance of an answer, in units of 2^-52 squared fine cells
+  std::vector<std::int32_t> fine_, coarse_;  // words: of the fine grid, which the view shows (until write_cells() of near chunks only), the coarse one
+  std::vector<std::uint8_t> occupied_;       // bricks of 4 x 4 x 4 fine cells with points
+  std::vector<std::uint8_t> near_;           // chunks of four bricks along x that have or touch a brick with points
+  std::vector<float> x_, y_, z_;             // the points in fine cells ...
   std::vector<float> sorted_x_, sorted_y_, sorted_z_;  // ... and in the order of their layers
   std::vector<std::int32_t> word_;                     // of the sorted points, from the first fine cell's centre
   std::vector<std::int16_t> layer_;                    // of each point, -1 for none
-  std::vector<std::int32_t> start_, near_start_;       // where each layer's sorted points begin, and its cells with parts
+  std::vector<std::int32_t> start_;                    // where each layer's sorted points begin
   std::vector<std::int32_t> next_;                     // [task][layer]: where the task's next point of the layer goes
 };
 

@@ -7,10 +7,14 @@
 
 namespace booth::fit {
 
-/// Coefficients in bytes: steps of 1/16 standard deviation, up to 4 (rather -64 to 63 steps): seven bits.
-inline constexpr float kByteSteps = 16;
-inline constexpr int kByteMiddle = 64;
-inline constexpr int kWideShapes = 4;         ///< the first coefficients, which move vertices furthest, act on positions in 16 bits
+/// Coefficients in bytes: steps of 1/28 standard deviation, up to 4.5 (127 steps). What they change is in bytes of at most 64: two products of one
+/// coefficient's byte (at most 255, with the middle) and one of those then fit the 16 bits to which AVX2 adds them, and a coefficient's rounding, which moves
+/// the whole body, weighs more than a vertex's.
+inline constexpr float kByteSteps = 28;
+inline constexpr int kByteMiddle = 128;
+inline constexpr float kMostSteps = 127;
+inline constexpr int kMostByte = 64;
+inline constexpr float kRestSteps = 8;        ///< places that are left over in the last four hold what the first coefficients are off: 1/8 step of theirs each
 inline constexpr int kNormalShapes = 12;      ///< so many coefficients act on the normals: those that turn them most
 inline constexpr float kLeastWeight = 0.05f;  ///< parts that move a vertex by less than this are left out, the others take their share
 inline constexpr float kSameWeight = 0.08f;   ///< vertices whose parts' weights differ by no more than this share the middle of their weights
@@ -23,12 +27,13 @@ struct BatchSegment {
   float weight[kVertexParts];  ///< sum 1
 };
 
-/// EnergyView's vertices once more, in an order of their own and rounded for fewer operations: positions to about 0.2 mm, normals to about a degree.
+/// EnergyView's vertices once more, in an order of their own and rounded for fewer operations: positions to about half a millimetre, normals to about a
+/// degree.
 ///
-/// A batch is (6 + 3 (pairs + quads + normal_quads)) * kBatch words: the mean's [x y z nx ny nz][vertex]; for each pair of the first kWideShapes coefficients
-/// the positions' changes as in EnergyView, [x y z][vertex]; for each four of the others the same as signed bytes, the first in the lowest; for each four
-/// of `normal_shape` the normals' changes as signed bytes, [nx ny nz][vertex]. Positions so far are divided by 2^shift before the bytes' share is
-/// added. The mean is less kByteMiddle times each byte, as coefficients come with kByteMiddle added.
+/// A batch is (6 + 3 (quads + normal_quads)) * kBatch words: the mean's [x y z nx ny nz][vertex]; for each four coefficients the positions' changes as
+/// signed bytes, the first in the lowest, [x y z][vertex]; for each four of `normal_shape` the normals' changes likewise, [nx ny nz][vertex].
+/// Places of the last four positions' bytes that are left over take what rounding left of the first coefficients. The mean is less kByteMiddle times each
+/// byte, as coefficients come with kByteMiddle added.
 struct BatchView {
   EnergyView model;
   float position_unit = 1;                ///< m per unit of the batches' positions
@@ -36,34 +41,41 @@ struct BatchView {
   const BatchSegment* segment = nullptr;  ///< as EnergyView's
   const std::int32_t* segment_start = nullptr;
   const std::int32_t* word = nullptr;
-  std::int32_t pairs = 0, quads = 0, normal_quads = 0, shift = 0;
+  std::int32_t quads = 0, normal_quads = 0;
   std::uint8_t normal_shape[kNormalShapes] = {};  ///< coefficients
 
-  BOOTH_HOST_DEVICE std::int32_t batch_words() const { return (6 + 3 * (pairs + quads + normal_quads)) * kBatch; }
+  BOOTH_HOST_DEVICE std::int32_t batch_words() const { return (6 + 3 * (quads + normal_quads)) * kBatch; }
 };
 
 /// A particle's coefficients as the batches take them.
 template <class L>
 struct PackedShape {
-  typename L::I pair[kWideShapes / 2], quad[(kParticleShape - kWideShapes) / 4], normal[kNormalShapes / 4];
+  typename L::I quad[kParticleShape / 4], normal[kNormalShapes / 4];
 };
 
 template <class L>
 BOOTH_HOST_DEVICE void pack_batch_shape(const BatchView& b, const float* particle, std::int64_t stride, PackedShape<L>& out) {
   using F = typename L::F;
   using I = typename L::I;
-  const auto whole = [&](int k, float steps, float least, float most) {
-    if (k >= b.model.shape_count) return L::splat(std::int32_t{0});
-    const F scaled = L::load(particle + (kParticleDofs + k) * stride) * steps;
+  I byte[kParticleShape];
+  F rest[3];
+  const auto whole = [&](F x, I& out_byte) {
     I bits;
-    rounded<L>(L::smaller(L::larger(scaled, L::splat(least)), L::splat(most)), bits);
-    return bits;
+    const F nearest = rounded<L>(L::smaller(L::larger(x, L::splat(-kMostSteps)), L::splat(kMostSteps)), bits);
+    out_byte = bits + kByteMiddle;
+    return nearest;
   };
-  const auto wide = [&](int k) { return whole(k, kShapeSteps, -kShapeLimit, kShapeLimit); };
-  const auto byte = [&](int k) { return whole(k, kByteSteps, -64.0f, 63.0f) + kByteMiddle; };
-  const auto four = [&](int k0, int k1, int k2, int k3) { return byte(k0) | byte(k1) << 8 | byte(k2) << 16 | byte(k3) << 24; };
-  for (int p = 0; p < b.pairs; ++p) out.pair[p] = (wide(2 * p) & 0xFFFF) | wide(2 * p + 1) << 16;
-  for (int q = 0, k = kWideShapes; q < b.quads; ++q, k += 4) out.quad[q] = four(k, k + 1, k + 2, k + 3);
+  const int count = b.model.shape_count;
+  for (int k = 0; k < count; ++k) {
+    const F scaled = L::load(particle + (kParticleDofs + k) * stride) * kByteSteps, off = scaled - whole(scaled, byte[k]);
+    if (k < 3) rest[k] = off * kRestSteps;
+  }
+  for (int k = count; k < 4 * b.quads; ++k) {
+    byte[k] = L::splat(std::int32_t{0});
+    if (k - count < count) whole(rest[k - count], byte[k]);
+  }
+  const auto four = [&](int k0, int k1, int k2, int k3) { return byte[k0] | byte[k1] << 8 | byte[k2] << 16 | byte[k3] << 24; };
+  for (int q = 0, k = 0; q < b.quads; ++q, k += 4) out.quad[q] = four(k, k + 1, k + 2, k + 3);
   for (int q = 0; q < b.normal_quads; ++q) {
     const std::uint8_t* k = b.normal_shape + 4 * q;
     out.normal[q] = four(k[0], k[1], k[2], k[3]);
@@ -74,7 +86,7 @@ BOOTH_HOST_DEVICE void pack_batch_shape(const BatchView& b, const float* particl
 template <class L>
 struct PosedBatch {
   typename L::F position[kBatch][3], normal[kBatch][3];
-  std::int32_t cell[kBatch][L::kCount], part[kBatch][L::kCount];
+  std::int32_t cell[kBatch][L::kCount];
 };
 
 /// Rest position and pose of the i-th vertex, which the rigid or blended transform `m` moves.
@@ -83,16 +95,12 @@ BOOTH_HOST_DEVICE void pose_vertex(const BatchView& b, const CellView& field, co
                                    int i, PosedBatch<L>& out) {
   using F = typename L::F;
   using I = typename L::I;
-  // kQuads > 0: how many fours of positions, with all pairs and fours of normals.
-  const int pairs = kQuads > 0 ? kWideShapes / 2 : b.pairs, quads = kQuads > 0 ? kQuads : b.quads,
-            normal_quads = kQuads > 0 ? kNormalShapes / 4 : b.normal_quads;
+  // kQuads > 0: how many fours of positions, with all fours of normals.
+  const int quads = kQuads > 0 ? kQuads : b.quads, normal_quads = kQuads > 0 ? kNormalShapes / 4 : b.normal_quads;
   I sum[6];
   const std::int32_t* at = word + i;
   for (int c = 0; c < 6; ++c) sum[c] = L::splat(at[c * kBatch]);
   at += 6 * kBatch;
-  for (int p = 0; p < pairs; ++p, at += 3 * kBatch)
-    for (int c = 0; c < 3; ++c) sum[c] = L::pair_dot(sum[c], shape.pair[p], L::splat(at[c * kBatch]));
-  for (int c = 0; c < 3; ++c) sum[c] = sum[c] >> b.shift;
   for (int q = 0; q < quads; ++q, at += 3 * kBatch)
     for (int c = 0; c < 3; ++c) sum[c] = L::quad_dot(sum[c], shape.quad[q], L::splat(at[c * kBatch]));
   for (int q = 0; q < normal_quads; ++q, at += 3 * kBatch)
@@ -103,9 +111,7 @@ BOOTH_HOST_DEVICE void pose_vertex(const BatchView& b, const CellView& field, co
     posed[row] = L::multiply_add(m[0], rest[0], L::multiply_add(m[1], rest[1], L::multiply_add(m[2], rest[2], m[3])));
     out.normal[i][row] = L::multiply_add(m[0], rest[3], L::multiply_add(m[1], rest[4], m[2] * rest[5]));
   }
-  I cell, part;
-  locate<L>(field, posed[0], posed[1], posed[2], cell, part);
-  L::store(out.cell[i], cell), L::store(out.part[i], part);
+  L::store(out.cell[i], locate<L>(field, posed[0], posed[1], posed[2]));
   for (int c = 0; c < 3; ++c) out.position[i][c] = posed[c];
 }
 
@@ -124,8 +130,9 @@ BOOTH_HOST_DEVICE void pose_segment(const BatchView& b, const CellView& field, c
   for (int i = s.begin; i < s.end; ++i) pose_vertex<L, kQuads>(b, field, word, moved_by, shape, i, out);
 }
 
-/// x^-1/2 as a parabola, for the squared length of a normal: 0.2 % from 0.6 to 1.1, where shapes and blends leave nearly all of them.
-inline constexpr float kRootParabola[3] = {2.0832f, -1.6848f, 0.5997f};
+/// x^-1/2 as a parabola through 0.66, 0.97 and 1.06, for the squared length of a normal: 0.03 % from 0.96 to 1.07, where shapes and blends leave nearly all of
+/// them, 0.3 % from 0.63 to 1.15.
+inline constexpr float kRootParabola[3] = {2.0192963f, -1.5341331f, 0.5145700f};
 
 /// The same for posed normals as the batches have them: a transform multiplies their units by position_unit / cell_size.
 struct NormalScale {
@@ -146,8 +153,6 @@ BOOTH_HOST_DEVICE void batch_distances(const BatchView& b, const CellView& field
   // Step by step for the whole batch, so that loads find their addresses long computed.
   PosedBatch<L> posed;
   for (int s = b.segment_start[batch]; s < b.segment_start[batch + 1]; ++s) pose_segment<L, kQuads>(b, field, word, b.segment[s], transform, shape, posed);
-  for (int i = 0; i < kBatch; ++i)
-    L::store(posed.cell[i], answer_of<L>(L::gather(field.middle, posed.cell[i]), L::load(posed.cell[i]), L::load(posed.part[i])));
   const F charged = L::splat(kChargedOutside * field.inverse_cell), charged_plane = charged * (1 / normals.length);
   for (int i = 0; i < kBatch; ++i) {
     F x = posed.position[i][0], y = posed.position[i][1], z = posed.position[i][2];

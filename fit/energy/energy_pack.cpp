@@ -239,8 +239,8 @@ void EnergyPack::pack_shapes(const BodyModel& model) {
 
 void EnergyPack::pack_batches(const std::vector<Eigen::MatrixXd>& part) {
   BatchView& b = batch_view_;
-  const int wide = std::min(kWideShapes, shape_count_), on_normals = std::min(kNormalShapes, shape_count_);
-  b.pairs = (wide + 1) / 2, b.quads = (shape_count_ - wide + 3) / 4, b.normal_quads = (on_normals + 3) / 4;
+  const int on_normals = std::min(kNormalShapes, shape_count_);
+  b.quads = (shape_count_ + 3) / 4, b.normal_quads = (on_normals + 3) / 4;
   const auto change = [&](int k) -> const Eigen::MatrixXd& { return part[static_cast<std::size_t>(1 + k)]; };
 
   // The coefficients that turn the normals most, by rising index; places that are left over name none.
@@ -248,25 +248,17 @@ void EnergyPack::pack_batches(const std::vector<Eigen::MatrixXd>& part) {
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](int a, int c) { return change(a).bottomRows<3>().squaredNorm() > change(c).bottomRows<3>().squaredNorm(); });
   std::sort(order.begin(), order.begin() + on_normals);
-  std::fill_n(b.normal_shape, kNormalShapes, std::uint8_t{255});
   for (int n = 0; n < on_normals; ++n) b.normal_shape[n] = static_cast<std::uint8_t>(order[static_cast<std::size_t>(n)]);
 
-  // Units: a direction in 16 bits and the sum of the wide ones in 31, as in pack_shapes(); bytes are 2^shift of the wide sum's, over kByteSteps.
-  double largest = 1e-12, most = 1e-12, byte = 1e-12, normal_byte = 1e-12;
+  // Units: the largest change is kMostByte for a coefficient's step.
+  double byte = 1e-12, normal_byte = 1e-12;
   for (int i = 0; i < vertices(); ++i)
     for (int c = 0; c < 3; ++c) {
-      double sum = std::abs(part[0](c, i));
-      for (int k = wide; k < shape_count_; ++k)
-        byte = std::max(byte, std::abs(change(k)(c, i))), sum += kByteMiddle / static_cast<double>(kByteSteps) * std::abs(change(k)(c, i));
-      sum /= static_cast<double>(kShapeLimit / kShapeSteps);
-      for (int k = 0; k < wide; ++k) largest = std::max(largest, std::abs(change(k)(c, i))), sum += std::abs(change(k)(c, i));
-      most = std::max(most, sum);
+      for (int k = 0; k < shape_count_; ++k) byte = std::max(byte, std::abs(change(k)(c, i)));
       for (int n = 0; n < on_normals; ++n) normal_byte = std::max(normal_byte, std::abs(change(b.normal_shape[n])(3 + c, i)));
     }
-  const double unit = std::max(largest / 32766, most / 65000) / static_cast<double>(kShapeSteps);
-  while (byte > 127 * unit * std::exp2(b.shift) * static_cast<double>(kByteSteps)) ++b.shift;
-  const double summed_unit = unit * std::exp2(b.shift), byte_unit = summed_unit * static_cast<double>(kByteSteps), normal_unit = normal_byte / 127;
-  b.position_unit = static_cast<float>(summed_unit), b.normal_unit = static_cast<float>(normal_unit / static_cast<double>(kByteSteps));
+  const double per_step = static_cast<double>(kByteSteps), unit = byte / kMostByte / per_step, normal_unit = normal_byte / kMostByte / per_step;
+  b.position_unit = static_cast<float>(unit), b.normal_unit = static_cast<float>(normal_unit);
 
   const int words = b.batch_words();
   batch_.assign(static_cast<std::size_t>(words) * static_cast<std::size_t>(vertices() / kBatch), 0);
@@ -276,25 +268,20 @@ void EnergyPack::pack_batches(const std::vector<Eigen::MatrixXd>& part) {
       const auto at = [&](int row) -> std::int32_t& {
         return batch_[static_cast<std::size_t>(i / kBatch) * static_cast<std::size_t>(words) + static_cast<std::size_t>(row * kBatch + i % kBatch)];
       };
-      const auto whole = [](double x) { return static_cast<int>(std::lround(x)); };
-      const auto put = [&](int row, int lane, int value) {
+      // Takes from the mean what the byte, which comes with kByteMiddle steps too many, adds.
+      const auto put = [&](int row, int lane, double x, std::int64_t& mean) {
+        const auto value = std::lround(x);
         at(row) = static_cast<std::int32_t>(static_cast<std::uint32_t>(at(row)) | (static_cast<std::uint32_t>(value) & 0xFFu) << (8 * lane));
+        mean -= kByteMiddle * value;
       };
-      const auto wide_change = [&](int k) { return k < wide ? whole(change(k)(c, v) / (unit * static_cast<double>(kShapeSteps))) : 0; };
-      for (int p = 0; p < b.pairs; ++p) at(6 + 3 * p + c) = static_cast<std::int32_t>(halves(wide_change(2 * p), wide_change(2 * p + 1)));
-      double mean = part[0](c, v) / unit, normal = part[0](3 + c, v) / normal_unit * static_cast<double>(kByteSteps);
-      for (int k = wide; k < shape_count_; ++k) {
-        const int value = whole(change(k)(c, v) / byte_unit);
-        put(6 + 3 * (b.pairs + (k - wide) / 4) + c, (k - wide) % 4, value);
-        mean -= kByteMiddle * value * std::exp2(b.shift);
+      std::int64_t mean = std::llround(part[0](c, v) / unit), normal = std::llround(part[0](3 + c, v) / normal_unit);
+      for (int k = 0; k < 4 * b.quads; ++k) {
+        const int of = k < shape_count_ ? k : k - shape_count_;  // what is left over is the first ones' rest
+        if (of < shape_count_)
+          put(6 + 3 * (k / 4) + c, k % 4, change(of)(c, v) / (unit * per_step * (k < shape_count_ ? 1.0 : static_cast<double>(kRestSteps))), mean);
       }
-      for (int n = 0; n < on_normals; ++n) {
-        const int value = whole(change(b.normal_shape[n])(3 + c, v) / normal_unit);
-        put(6 + 3 * (b.pairs + b.quads + n / 4) + c, n % 4, value);
-        normal -= kByteMiddle * value;
-      }
-      at(c) = static_cast<std::int32_t>(std::llround(mean) + (std::int64_t{1} << b.shift) / 2);  // the shift rounds down
-      at(3 + c) = static_cast<std::int32_t>(std::llround(normal));
+      for (int n = 0; n < on_normals; ++n) put(6 + 3 * (b.quads + n / 4) + c, n % 4, change(b.normal_shape[n])(3 + c, v) / (normal_unit * per_step), normal);
+      at(c) = static_cast<std::int32_t>(mean), at(3 + c) = static_cast<std::int32_t>(normal);
     }
 }
 

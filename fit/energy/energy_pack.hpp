@@ -15,7 +15,7 @@ namespace booth::fit {
 
 struct EnergyPackSettings {
   int shape_count = 15;  ///< first so many coefficients; fewer where the model has fewer
-  int vertices = 1024;   ///< evenly spread; rounded down to whole batches
+  int vertices = 1008;   ///< evenly spread; rounded down to whole batches; the published energy sums over 1,000
   PaperWeights weights{};
 };
 

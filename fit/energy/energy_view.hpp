@@ -85,10 +85,13 @@ BOOTH_HOST_DEVICE void sine_cosine(typename L::F x, typename L::F& sine, typenam
   using F = typename L::F;
   typename L::I quadrant;
   const F n = rounded<L>(x * 0.636619772f, quadrant);
-  const F r = ((x - n * 1.5703125f) - n * 4.837512969970703125e-4f) - n * 7.549789954891882e-8f;
+  const auto add = [](F a, float b, F c) { return L::multiply_add(a, L::splat(b), c); };
+  const F r = add(n, -7.549789954891882e-8f, add(n, -4.837512969970703125e-4f, add(n, -1.5703125f, x)));
   const F z = r * r;
-  const F s = r + r * (z * (((z * -1.9515295891e-4f + 8.3321608736e-3f) * z) - 1.6666654611e-1f));
-  const F c = (z * z) * ((z * 2.443315711809948e-5f - 1.388731625493765e-3f) * z + 4.166664568298827e-2f) - z * 0.5f + 1.0f;
+  const F odd_terms = L::multiply_add(add(z, -1.9515295891e-4f, L::splat(8.3321608736e-3f)), z, L::splat(-1.6666654611e-1f));
+  const F even_terms = L::multiply_add(add(z, 2.443315711809948e-5f, L::splat(-1.388731625493765e-3f)), z, L::splat(4.166664568298827e-2f));
+  const F s = L::multiply_add(r, z * odd_terms, r);
+  const F c = L::multiply_add(z * z, even_terms, z * -0.5f) + 1.0f;
   const auto odd = (quadrant & 1) != L::splat(std::int32_t{0});
   const F a = odd ? c : s, b = odd ? s : c;
   // Negative sines in quadrants 2 and 3, negative cosines in 1 and 2.
@@ -101,7 +104,8 @@ template <class L>
 BOOTH_HOST_DEVICE void multiply_constant(const typename L::F (&a)[9], const float (&m)[9], typename L::F (&out)[9]) {
   for (int row = 0; row < 3; ++row)
     for (int column = 0; column < 3; ++column)
-      out[3 * row + column] = (a[3 * row] * m[column] + a[3 * row + 1] * m[3 + column]) + a[3 * row + 2] * m[6 + column];
+      out[3 * row + column] =
+          L::multiply_add(a[3 * row + 2], L::splat(m[6 + column]), L::multiply_add(a[3 * row + 1], L::splat(m[3 + column]), a[3 * row] * m[column]));
 }
 
 /// Turns columns i and j of a into each other: a = a * (rotation that takes axis i towards axis j).
@@ -109,8 +113,8 @@ template <class L>
 BOOTH_HOST_DEVICE void turn_columns(typename L::F (&a)[9], int i, int j, typename L::F sine, typename L::F cosine) {
   for (int row = 0; row < 3; ++row) {
     const typename L::F first = a[3 * row + i], second = a[3 * row + j];
-    a[3 * row + i] = first * cosine + second * sine;
-    a[3 * row + j] = second * cosine - first * sine;
+    a[3 * row + i] = L::multiply_add(first, cosine, second * sine);
+    a[3 * row + j] = L::multiply_add(second, cosine, first * -sine);
   }
 }
 

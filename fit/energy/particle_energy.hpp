@@ -24,9 +24,11 @@ BOOTH_HOST_DEVICE void pose_particle(const EnergyView& m, const Field& field, co
   terms.shape = shape_term<L>(m, particle, stride);
   terms.bone = bone_term<L>(joint);
 
-  F inside = L::splat(0.0f);
-  for (int c = 0; c < m.pose_components; ++c) inside = inside + pose_component_square<L>(m, particle, stride, c);
-  terms.pose = pose_term<L>(pose_square<L>(m, particle, stride), &inside, 1, 1);
+  F away[kParticleAngles], inside = L::splat(0.0f);
+  for (int a = 0; a < kParticleAngles; ++a) away[a] = angle_from_mean<L>(m, particle, stride, a);
+  const auto away_at = [&](int a) { return away[a]; };
+  for (int c = 0; c < m.pose_components; ++c) inside = inside + pose_component_square<L>(m, away_at, c);
+  terms.pose = pose_term<L>(pose_square<L>(away_at), &inside, 1, 1);
 
   const F translation[3] = {L::load(particle), L::load(particle + stride), L::load(particle + 2 * stride)};
   const auto turn = [&](int dof, F& sine, F& cosine) { sine_cosine<L>(L::load(particle + dof * stride), sine, cosine); };

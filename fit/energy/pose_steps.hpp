@@ -12,7 +12,8 @@ namespace booth::fit {
 template <class L>
 BOOTH_HOST_DEVICE typename L::F rest_joint_coordinate(const EnergyView& m, const float* particle, std::int64_t stride, int j) {
   typename L::F sum = L::splat(m.joint[j]);
-  for (int k = 0; k < m.shape_count; ++k) sum = sum + L::load(particle + (kParticleDofs + k) * stride) * m.joint[(1 + k) * (kPartJoints * 3) + j];
+  for (int k = 0; k < m.shape_count; ++k)
+    sum = L::multiply_add(L::load(particle + (kParticleDofs + k) * stride), L::splat(m.joint[(1 + k) * (kPartJoints * 3) + j]), sum);
   return sum;
 }
 
@@ -22,7 +23,7 @@ BOOTH_HOST_DEVICE typename L::F shape_term(const EnergyView& m, const float* par
   typename L::F sum = L::splat(0.0f);
   for (int k = 0; k < m.shape_count; ++k) {
     const typename L::F beta = L::load(particle + (kParticleDofs + k) * stride);
-    sum = sum + beta * beta;
+    sum = L::multiply_add(beta, beta, sum);
   }
   return sum;
 }
@@ -46,22 +47,25 @@ BOOTH_HOST_DEVICE typename L::F bone_term(const typename L::F* joint) {
   return sum;
 }
 
-/// The square of the angles' distance from the prior's mean along its component c.
+/// Angle a, less the prior's mean.
 template <class L>
-BOOTH_HOST_DEVICE typename L::F pose_component_square(const EnergyView& m, const float* particle, std::int64_t stride, int c) {
+BOOTH_HOST_DEVICE typename L::F angle_from_mean(const EnergyView& m, const float* particle, std::int64_t stride, int a) {
+  return L::load(particle + (6 + a) * stride) - m.pose_mean[a];
+}
+
+/// The square of the angles' distance from the prior's mean along its component c; away(a) is angle_from_mean().
+template <class L, class Away>
+BOOTH_HOST_DEVICE typename L::F pose_component_square(const EnergyView& m, const Away& away, int c) {
   typename L::F along = L::splat(0.0f);
-  for (int a = 0; a < kParticleAngles; ++a) along = along + (L::load(particle + (6 + a) * stride) - m.pose_mean[a]) * m.pose_component[c * kParticleAngles + a];
+  for (int a = 0; a < kParticleAngles; ++a) along = L::multiply_add(away(a), L::splat(m.pose_component[c * kParticleAngles + a]), along);
   return along * along;
 }
 
 /// The square of the angles' whole distance from the prior's mean.
-template <class L>
-BOOTH_HOST_DEVICE typename L::F pose_square(const EnergyView& m, const float* particle, std::int64_t stride) {
+template <class L, class Away>
+BOOTH_HOST_DEVICE typename L::F pose_square(const Away& away) {
   typename L::F sum = L::splat(0.0f);
-  for (int a = 0; a < kParticleAngles; ++a) {
-    const typename L::F away = L::load(particle + (6 + a) * stride) - m.pose_mean[a];
-    sum = sum + away * away;
-  }
+  for (int a = 0; a < kParticleAngles; ++a) sum = L::multiply_add(away(a), away(a), sum);
   return sum;
 }
 
@@ -119,8 +123,8 @@ BOOTH_HOST_DEVICE void place_part(const EnergyView& m, int p, const typename L::
       place = translation[row];
     } else {
       const F* from = parent + 4 * row;
-      place = (from[0] * start[0] + from[1] * start[1]) + (from[2] * start[2] + from[3]);
-      place = place - ((world[3 * row] * start[0] + world[3 * row + 1] * start[1]) + world[3 * row + 2] * start[2]);
+      place = L::multiply_add(from[1], start[1], from[0] * start[0]) + L::multiply_add(from[2], start[2], from[3]);
+      place = place - L::multiply_add(world[3 * row + 2], start[2], L::multiply_add(world[3 * row + 1], start[1], world[3 * row] * start[0]));
     }
     for (int column = 0; column < 3; ++column) out[4 * row + column] = world[3 * row + column];
     out[4 * row + 3] = place;

@@ -11,8 +11,8 @@ namespace booth::fit {
 void BOOTH_SWARM_KERNEL(const SwarmWork& work, int first, int last);
 void BOOTH_SWARM_KERNEL(const SwarmWork& work, int first, int last) {
   const BatchView& b = work.energy;
-  if (b.pairs == kWideShapes / 2 && b.quads == 3 && b.normal_quads == kNormalShapes / 4)  // the published budget's 15 coefficients
-    run_groups<VectorLanes, 3>(work, first, last);
+  if (b.quads == 4 && b.normal_quads == kNormalShapes / 4)  // the published budget's 15 coefficients
+    run_groups<VectorLanes, 4>(work, first, last);
   else
     run_groups<VectorLanes, 0>(work, first, last);
 }

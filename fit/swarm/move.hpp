@@ -39,6 +39,25 @@ BOOTH_HOST_DEVICE typename L::F uniform(typename L::U word) {
   return L::unsigned_to_float(word >> 8) * 0x1p-24f;
 }
 
+/// So many dimensions share the words of one draw: Philox is the dearest part of a move.
+inline constexpr std::uint32_t kDrawnTogether = 4;
+
+/// Of a particle's dimensions from kDrawnTogether * block on: for each a word, for the move of this iteration (iteration 0: for the first velocity).
+template <class L>
+BOOTH_HOST_DEVICE void move_words(const RandomKey& key, int iteration, typename L::U particle, std::uint32_t block, typename L::U (&words)[kDrawnTogether]) {
+  random_words<L>(key, particle, block, static_cast<std::uint32_t>(iteration + 1), words);
+}
+
+/// Random::low() and high(): each half of a word is a number of its own in [0, 1), in steps of 2^-16.
+template <class L>
+BOOTH_HOST_DEVICE typename L::F uniform_low(typename L::U word) {
+  return L::unsigned_to_float(word & 0xFFFFu) * 0x1p-16f;
+}
+template <class L>
+BOOTH_HOST_DEVICE typename L::F uniform_high(typename L::U word) {
+  return L::unsigned_to_float(word >> 16) * 0x1p-16f;
+}
+
 /// Random::normal(): the sum of twelve 10-bit uniforms less six.
 template <class L>
 BOOTH_HOST_DEVICE typename L::F normal(const typename L::U (&words)[4]) {
@@ -61,26 +80,25 @@ BOOTH_HOST_DEVICE float inertia_of(int iteration, int iterations, float first, f
   return first + (last - first) * progress;
 }
 
-/// Iteration 0, one dimension: normal about the centre, the first particle of each centre on it; a velocity within half a deviation.
+/// Iteration 0, one dimension: normal about the centre, the first particle of each centre on it; a velocity within half a deviation. `word` is the
+/// dimension's of move_words().
 template <class L>
-BOOTH_HOST_DEVICE void start_dimension(const MoveStep& step, typename L::U particle, std::uint32_t dimension, typename L::F centre, float deviation,
-                                       typename L::F& x, typename L::F& v) {
+BOOTH_HOST_DEVICE void start_dimension(const MoveStep& step, typename L::U particle, std::uint32_t dimension, typename L::U word, typename L::F centre,
+                                       float deviation, typename L::F& x, typename L::F& v) {
   typename L::U words[4];
   random_words<L>(step.key, particle, dimension, 0, words);
   const typename L::F away = normal<L>(words) * deviation;
   x = centre + ((particle < L::splat(static_cast<std::uint32_t>(step.starts))) ? L::splat(0.0f) : away);
-  random_words<L>(step.key, particle, dimension, 1, words);
-  v = (uniform<L>(words[0]) * 2.0f - 1.0f) * (0.5f * deviation);
+  v = (uniform<L>(word) * 2.0f - 1.0f) * (0.5f * deviation);
 }
 
-/// Later iterations, one dimension: inertia, the pull to the particle's own best and to the swarm's, the clamp at half a deviation.
+/// Later iterations, one dimension: inertia, the pull to the particle's own best and to the swarm's, the clamp at half a deviation. `word` is the
+/// dimension's of move_words(): each pull takes a half of it.
 template <class L>
-BOOTH_HOST_DEVICE void move_dimension(const MoveStep& step, typename L::U particle, std::uint32_t dimension, typename L::F own, float global, float deviation,
-                                      typename L::F& x, typename L::F& v) {
-  typename L::U words[4];
-  random_words<L>(step.key, particle, dimension, static_cast<std::uint32_t>(step.iteration + 1), words);
+BOOTH_HOST_DEVICE void move_dimension(const MoveStep& step, typename L::U word, typename L::F own, float global, float deviation, typename L::F& x,
+                                      typename L::F& v) {
   const float limit = 0.5f * deviation;
-  typename L::F speed = v * step.inertia + uniform<L>(words[0]) * step.cognitive * (own - x) + uniform<L>(words[1]) * step.social * (L::splat(global) - x);
+  typename L::F speed = v * step.inertia + uniform_low<L>(word) * step.cognitive * (own - x) + uniform_high<L>(word) * step.social * (L::splat(global) - x);
   speed = speed < L::splat(-limit) ? L::splat(-limit) : speed;
   speed = speed > L::splat(limit) ? L::splat(limit) : speed;
   v = speed;

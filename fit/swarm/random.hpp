@@ -33,6 +33,10 @@ class Random {
   /// Uniform in [0, 1).
   static constexpr float uniform(std::uint32_t word) { return static_cast<float>(word >> 8) * 0x1p-24f; }
 
+  /// Uniform in [0, 1) in steps of 2^-16, from either half of a word.
+  static constexpr float low(std::uint32_t word) { return static_cast<float>(word & 0xFFFFu) * 0x1p-16f; }
+  static constexpr float high(std::uint32_t word) { return static_cast<float>(word >> 16) * 0x1p-16f; }
+
   /// Standard normal, cut at six sigma: the sum of twelve 10-bit uniforms less six (Irwin-Hall). Only exact operations, so the bits are the same everywhere.
   static float normal(const std::array<std::uint32_t, 4>& words) {
     // Each 32-bit word gives three 10-bit uniforms.

@@ -13,7 +13,11 @@ BOOTH_HOST_DEVICE void move_lanes(const SwarmWorkOver<Field>& w, int group, int 
   const std::int64_t at = static_cast<std::int64_t>(group) * d * kGroup + offset;
   const std::uint32_t first = static_cast<std::uint32_t>(group * kGroup + offset);
   const typename L::U particle = L::count_from(first);
+  typename L::U words[kDrawnTogether];
   for (int k = 0; k < d; ++k) {
+    const std::uint32_t dimension = static_cast<std::uint32_t>(k);
+    if (dimension % kDrawnTogether == 0) move_words<L>(w.step.key, w.step.iteration, particle, dimension / kDrawnTogether, words);
+    const typename L::U word = words[dimension % kDrawnTogether];
     F x, v;
     float* position = w.position + at + k * kGroup;
     float* velocity = w.velocity + at + k * kGroup;
@@ -21,10 +25,10 @@ BOOTH_HOST_DEVICE void move_lanes(const SwarmWorkOver<Field>& w, int group, int 
       float centre[L::kCount];
       for (int lane = 0; lane < L::kCount; ++lane)
         centre[lane] = w.centres[static_cast<int>((first + static_cast<unsigned>(lane)) % static_cast<unsigned>(w.step.starts)) * d + k];
-      start_dimension<L>(w.step, particle, static_cast<std::uint32_t>(k), L::load(centre), w.deviation[k], x, v);
+      start_dimension<L>(w.step, particle, dimension, word, L::load(centre), w.deviation[k], x, v);
     } else {
       x = L::load(position), v = L::load(velocity);
-      move_dimension<L>(w.step, particle, static_cast<std::uint32_t>(k), L::load(w.best + at + k * kGroup), w.global[k], w.deviation[k], x, v);
+      move_dimension<L>(w.step, word, L::load(w.best + at + k * kGroup), w.global[k], w.deviation[k], x, v);
     }
     L::store(position, x), L::store(velocity, v);
   }

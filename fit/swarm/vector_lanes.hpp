@@ -104,7 +104,7 @@ struct VectorLanes {
     return (I)((U)sum + (U)(((a << 16) >> 16) * ((b << 16) >> 16)) + (U)((a >> 16) * (b >> 16)));
 #endif
   }
-  /// sum + the four products of a's bytes (0 to 127) with b's (signed).
+  /// sum + the four products of a's bytes (0 to 255) with b's (-64 to 64).
   BOOTH_HOST_DEVICE static I quad_dot(I sum, I a, I b) {
 #if defined(BOOTH_LANES_AVX512)
     return (I)_mm512_dpbusd_epi32((__m512i)sum, (__m512i)a, (__m512i)b);
@@ -115,8 +115,8 @@ struct VectorLanes {
     const __m128i even = _mm_madd_epi16(_mm_and_si128((__m128i)a, _mm_set1_epi16(255)), _mm_srai_epi16(_mm_slli_epi16((__m128i)b, 8), 8));
     return (I)_mm_add_epi32((__m128i)sum, _mm_add_epi32(odd, even));
 #else
-    sum += (a & 127) * ((b << 24) >> 24) + (a >> 8 & 127) * ((b << 16) >> 24);
-    return sum + (a >> 16 & 127) * ((b << 8) >> 24) + (a >> 24 & 127) * (b >> 24);
+    sum += (a & 255) * ((b << 24) >> 24) + (a >> 8 & 255) * ((b << 16) >> 24);
+    return sum + (a >> 16 & 255) * ((b << 8) >> 24) + (a >> 24 & 255) * (b >> 24);
 #endif
   }
   /// a * b + c; rounded once where the kernel's processor multiplies and adds in one instruction, else twice.

@@ -12,7 +12,7 @@ namespace booth::fit {
 class PaperFitter {
  public:
   static constexpr int kShapeCount = 15;  ///< 36 + 15 = the paper's 51 unknowns
-  static constexpr int kVertices = 1024;
+  static constexpr int kVertices = 1008;
 
   /// `index` is the model's among those of the back-end, which must outlive the fitter and may serve others too.
   PaperFitter(const BodyModel& model, const PosePrior& prior, SwarmBackend& backend, int index);

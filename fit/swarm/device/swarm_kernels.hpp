@@ -251,12 +251,16 @@ struct Iterate {
         s.particle[p][k] = 0;
         continue;
       }
+      const std::uint32_t dimension = static_cast<std::uint32_t>(k);
+      std::uint32_t words[kDrawnTogether];
+      move_words<ScalarLanes>(step.key, iteration, particle, dimension / kDrawnTogether, words);
+      const std::uint32_t first = k & 1 ? words[1] : words[0], second = k & 1 ? words[3] : words[2], word = k & 2 ? second : first;
       if (iteration == 0) {
         const float centre = frame.centres[static_cast<int>(particle % static_cast<std::uint32_t>(frame.starts)) * d + k];
-        start_dimension<ScalarLanes>(step, particle, static_cast<std::uint32_t>(k), centre, frame.deviation[k], x, v);
+        start_dimension<ScalarLanes>(step, particle, dimension, word, centre, frame.deviation[k], x, v);
       } else {
         x = state.position[at], v = state.velocity[at];
-        move_dimension<ScalarLanes>(step, particle, static_cast<std::uint32_t>(k), state.best[at], best[k], frame.deviation[k], x, v);
+        move_dimension<ScalarLanes>(step, word, state.best[at], best[k], frame.deviation[k], x, v);
       }
       state.position[at] = x, state.velocity[at] = v;
       s.particle[p][k] = x;
@@ -267,6 +271,7 @@ struct Iterate {
   BOOTH_HOST_DEVICE void prepare(int t, Shared& s) const {
     using L = ScalarLanes;
     constexpr int kJoints = kPartJoints * 3;
+    const auto away_of = [&](const float* particle) { return [this, particle](int a) { return angle_from_mean<L>(m, particle, 1, a); }; };
     for (int i = t; i < kParticles * kJoints; i += kThreads)
       s.before.joint[i / kJoints][i % kJoints] = rest_joint_coordinate<L>(m, s.particle[i / kJoints], 1, i % kJoints);
     for (int i = t; i < kParticles * kParticleDofs; i += kThreads) {
@@ -275,11 +280,11 @@ struct Iterate {
     }
     for (int i = t; i < kParticles * m.pose_components; i += kThreads)
       s.before.component[i / m.pose_components][i % m.pose_components] =
-          pose_component_square<L>(m, s.particle[i / m.pose_components], 1, i % m.pose_components);
+          pose_component_square<L>(m, away_of(s.particle[i / m.pose_components]), i % m.pose_components);
     for (int i = t; i < 3 * kParticles; i += kThreads) {
       const int p = i % kParticles;
       if (i < kParticles) {
-        s.before.all[p] = pose_square<L>(m, s.particle[p], 1);
+        s.before.all[p] = pose_square<L>(away_of(s.particle[p]));
       } else if (i < 2 * kParticles) {
         s.shape[p] = shape_term<L>(m, s.particle[p], 1);
       } else {

@@ -177,7 +177,7 @@ struct Bench {
       report.add({name, "ms", ms});
       report.add({name + ": vertex evaluation", "ps", 1e9 * ms / (static_cast<double>(sizes.swarm.particles) * sizes.swarm.iterations * pack.vertices())});
     };
-    for (int n : particles) one({.swarm = {.particles = n}}, fmt::format("swarm, {} particles x 10 x 1024 vertices", n));
+    for (int n : particles) one({.swarm = {.particles = n}}, fmt::format("swarm, {} particles x 10 x {} vertices", n, fit::EnergyPackSettings{}.vertices));
     for (int n : vertices) one({.energy = {.vertices = n}}, fmt::format("swarm, 2000 particles x 10 x {} vertices", n));
   }
 };

@@ -14,7 +14,7 @@ namespace {
 
 struct Options {
   std::string kernel;
-  int repeats = 15, points = 60000, particles = 2000, iterations = 10, vertices = 1024;
+  int repeats = 15, points = 60000, particles = 2000, iterations = 10, vertices = 1008;
 };
 
 /// Multiply-adds that one vertex takes by the formulas: 15 coefficients of 6 numbers, the blend, position and normal, difference, two lengths, a product.

@@ -76,6 +76,8 @@ TEST(SwarmMove, DrawsTheNumbersOfRandom) {
         const auto expected = random.words(particle, dimension, draw);
         for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(words[i], expected[i]);
         EXPECT_EQ(uniform<ScalarLanes>(words[0]), Random::uniform(expected[0]));
+        EXPECT_EQ(uniform_low<ScalarLanes>(words[0]), Random::low(expected[0]));
+        EXPECT_EQ(uniform_high<ScalarLanes>(words[0]), Random::high(expected[0]));
         EXPECT_EQ(normal<ScalarLanes>(words), Random::normal(expected));
       }
 }

@@ -50,14 +50,14 @@ class Swarm {
             for (int k = 0; k < d; ++k) {
               const auto words = random.words(static_cast<std::uint32_t>(p), static_cast<std::uint32_t>(k), 0);
               x[k] = centre[k] + (p < starts ? 0.0f : deviation[k] * Random::normal(words));
-              v[k] = 0.5f * deviation[k] * (2 * Random::uniform(random.words(static_cast<std::uint32_t>(p), static_cast<std::uint32_t>(k), 1)[0]) - 1);
+              v[k] = 0.5f * deviation[k] * (2 * Random::uniform(move_word(random, p, k, 0)) - 1);
             }
           } else {
             for (int k = 0; k < d; ++k) {
-              const auto words = random.words(static_cast<std::uint32_t>(p), static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(iteration + 1));
+              const std::uint32_t word = move_word(random, p, k, iteration);
               const float limit = 0.5f * deviation[k];
-              const float speed = inertia * v[k] + settings_.cognitive * Random::uniform(words[0]) * (own[k] - x[k]) +
-                                  settings_.social * Random::uniform(words[1]) * (global_[static_cast<std::size_t>(k)] - x[k]);
+              const float speed = inertia * v[k] + settings_.cognitive * Random::low(word) * (own[k] - x[k]) +
+                                  settings_.social * Random::high(word) * (global_[static_cast<std::size_t>(k)] - x[k]);
               v[k] = std::clamp(speed, -limit, limit);
               x[k] += v[k];
             }
@@ -88,6 +88,12 @@ class Swarm {
   std::size_t memory_bytes() const { return (position_.size() * 3 + cost_.size() * 2 + global_.size() + history_.size()) * sizeof(float); }
 
  private:
+  /// Four dimensions share a draw, a word each.
+  static std::uint32_t move_word(const Random& random, int particle, int dimension, int iteration) {
+    return random.words(static_cast<std::uint32_t>(particle), static_cast<std::uint32_t>(dimension / 4),
+                        static_cast<std::uint32_t>(iteration + 1))[static_cast<std::size_t>(dimension % 4)];
+  }
+
   SwarmSettings settings_;
   int dimensions_;
   WorkerPool& pool_;

@@ -78,6 +78,23 @@ TEST_P(Bodies, EveryKernelIsTheReferenceButForItsRoundingsParticleByParticle) {
   }
 }
 
+// docs/design/performance.md derives the bound: roundings of 2^-24, and now and then a vertex in the cell beside.
+TEST_P(Bodies, KernelsDifferByRoundingsAndAnOddVertexInTheCellBeside) {
+  int count = 0;
+  const SwarmKernel* all = swarm_kernels(count);
+  ASSERT_STREQ(all[1].name, "baseline");
+  const Outcome baseline = run_groups_of(scene, all[1].run, 1);
+  for (int k = 2; k < count; ++k) {
+    if (!all[k].available()) continue;
+    double largest = 0, mean = 0;
+    compare(run_groups_of(scene, all[k].run, 1), baseline, largest, mean);
+    EXPECT_LT(largest, 1e-3) << all[k].name;
+    EXPECT_LT(mean, 2e-5) << all[k].name;
+    RecordProperty(std::string(all[k].name) + "_largest_billionths", static_cast<int>(1e9 * largest));
+    RecordProperty(std::string(all[k].name) + "_mean_billionths", static_cast<int>(1e9 * mean));
+  }
+}
+
 TEST_P(Bodies, AKernelGivesTheSameBitsWhenItIsCompiledForDebugging) {
   const auto expect_same = [&](const char* name, SwarmKernelFunction* debug) {
     int count = 0;

@@ -38,6 +38,29 @@ TEST(Random, NormalHasUnitVarianceAndUniformStaysBelowOne) {
   EXPECT_NEAR(sum / n, 0, 4 / std::sqrt(n));
   EXPECT_NEAR(squares / n, 1, 0.03);
   EXPECT_LT(Random::uniform(0xffffffff), 1.0f);
+  EXPECT_LT(Random::low(0xffffffff), 1.0f);
+  EXPECT_LT(Random::high(0xffffffff), 1.0f);
+}
+
+// A move takes two numbers from the halves of one word, and four dimensions the words of one draw: neither may know of the other.
+TEST(Random, TheHalvesOfAWordAndTheWordsOfADrawAreUniformAndIndependent) {
+  constexpr int n = 40000;
+  double mean[8] = {}, product[8][8] = {};
+  for (int i = 0; i < n; ++i) {
+    const auto w = Random(12, 0).words(static_cast<std::uint32_t>(i), 3, 2);
+    double u[8];
+    for (std::size_t k = 0; k < 8; ++k) u[k] = static_cast<double>(k % 2 ? Random::high(w[k / 2]) : Random::low(w[k / 2])) - 0.5;
+    for (int a = 0; a < 8; ++a) {
+      mean[a] += u[a] / n;
+      for (int b = 0; b < 8; ++b) product[a][b] += u[a] * u[b] / n;
+    }
+  }
+  const double deviation = 1 / std::sqrt(12.0 * n);
+  for (int a = 0; a < 8; ++a) {
+    EXPECT_NEAR(mean[a], 0, 4.5 * deviation) << a;
+    EXPECT_NEAR(product[a][a], 1.0 / 12, 0.002) << a;
+    for (int b = 0; b < a; ++b) EXPECT_NEAR(product[a][b], 0, 4.5 / 12 / std::sqrt(n)) << a << " " << b;
+  }
 }
 
 }  // namespace
