@@ -234,7 +234,7 @@ std::unique_ptr<SystemCallGuard> narrow_system_calls(const Config& config) {
 #ifdef BOOTHD_SANITIZED
   return nullptr;  // sanitizers need more
 #endif
-  if (config.hardening.system_calls != "narrow" || config.fit.backend != "cpu") return nullptr;
+  if (config.hardening.system_calls != "narrow" || config.fit.backend != "cpu" || config.cameras.kinect2.decoder != "cpu") return nullptr;
   try {
     return std::make_unique<SystemCallGuard>([told = std::set<int>()](const std::string& name, int number, std::uint32_t thread) mutable {
       if (told.insert(number).second)
@@ -283,6 +283,10 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     auto plan = pipeline.memory_plan();
     plan.push_back({"session log ring", SessionLog::memory_bytes()});
     plan.push_back({"last moments (record.*)", recorder_memory(config, source)});
+    if (const DecodeBytes decode = decode_memory(config, source.cameras.size()); decode.device > 0) {
+      plan.push_back({"pinned for the depth decode", decode.pinned});
+      plan.push_back({"depth decode on the device", decode.device});
+    }
     if (config.dds.enabled && config.dds.ros2) plan.push_back({"ROS 2 mirror (dds.ros2)", Ros2Mirror::memory_bytes()});
     print_plan(plan);
     return kStopped;

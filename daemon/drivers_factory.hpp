@@ -23,6 +23,12 @@ struct DepthSource {
   hal::Nanoseconds to_live{};                     ///< added to a frame's `captured`, as read at full speed, gives what it was live
 };
 
+/// What decoding depth on a graphics processor (cameras.kinect2.decoder) takes of it, and of the host's memory pinned; nothing where that is not asked for.
+struct DecodeBytes {
+  std::size_t device = 0, pinned = 0;
+};
+DecodeBytes decode_memory(const Config& config, std::size_t cameras);
+
 /// The machine's clock, for what needs no cameras.
 std::shared_ptr<hal::Clock> open_system_clock();
 

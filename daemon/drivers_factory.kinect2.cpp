@@ -16,6 +16,7 @@
 #include "daemon/health/log.hpp"
 #include "daemon/health/messages.hpp"
 #include "daemon/health/repeated_log.hpp"
+#include "drivers/kinect2/decoder/guarded_decoder.hpp"
 #include "drivers/kinect2/kinect_camera.hpp"
 #include "drivers/kinect2/kinect_device.hpp"
 #include "drivers/kinect2/layout.hpp"
@@ -80,6 +81,20 @@ std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus) {
     for (std::size_t j = 0; j < i; ++j)
       if (out[i].serial == out[j].serial) throw std::runtime_error("cameras.kinect2.serials names " + out[i].serial + " twice");
   return out;
+}
+
+bool decodes_on_device(const Config& config) {
+  const std::string& decoder = config.cameras.kinect2.decoder;
+#if defined(BOOTHD_HAS_CUDA)
+  return decoder != "cpu";
+#else
+  return decoder == "cuda";
+#endif
+}
+
+kinect2::DecoderMaker decoder_maker(const Config& config) {
+  if (!decodes_on_device(config)) return {};
+  return [](const auto& camera, const auto& phase, const auto& settings) { return kinect2::make_guarded_decoder(camera, phase, settings); };
 }
 
 /// Each line once in ten minutes: a sensor that dies every few seconds tells its firmware each time.
@@ -158,6 +173,13 @@ kinect2::PowerTools power_tools(std::shared_ptr<drivers::usb::RecoverClient> roo
 
 }  // namespace
 
+DecodeBytes decode_memory(const Config& config, std::size_t cameras) {
+  const std::string& driver = config.cameras.driver;
+  if (!decodes_on_device(config) || (driver != "kinect2" && driver != "kinect2-emulated")) return {};
+  const gpu::DeviceBytes one = kinect2::guarded_decoder_bytes();
+  return {.device = cameras * one.device, .pinned = cameras * one.pinned};
+}
+
 DepthSource open_kinect(const Config& config, std::shared_ptr<hal::Clock> clock) {
   const auto root = recover_client();
   kinect2::KinectShared shared{
@@ -165,7 +187,8 @@ DepthSource open_kinect(const Config& config, std::shared_ptr<hal::Clock> clock)
       .clock = clock,
       .cache = std::make_shared<kinect2::CalibrationCache>(config.cameras.kinect2.cache),
       .power = power_tools(root),
-      .notes = notes(clock)};
+      .notes = notes(clock),
+      .decoder = decoder_maker(config)};
   const auto where = positions(config, *shared.bus);
   want_usbfs_memory(config, where.size(), root.get());
   return {.clock = clock,
@@ -187,7 +210,7 @@ DepthSource open_emulated_kinect(const Config& config, drivers::Person person, s
   auto emulated = kinect2::emulator::make_emulated_scene(std::move(scene), std::move(persons), config.cameras.emulated.rate, clock);
   std::vector<Position> where;
   for (const auto& camera : emulated.cameras) where.push_back({camera.name, camera.serial, camera.camera_to_world});
-  const kinect2::KinectShared shared{.bus = emulated.bus, .clock = clock, .notes = notes(clock)};
+  const kinect2::KinectShared shared{.bus = emulated.bus, .clock = clock, .notes = notes(clock), .decoder = decoder_maker(config)};
   return {.clock = clock,
           .cameras = make_cameras(config, shared, where, config.cameras.emulated.rate),
           .truth = std::move(emulated.truth),

@@ -80,13 +80,15 @@ struct Estimator::Impl {
                            .field = {.max_points = settings.cloud_capacity}};
     swarm = make_cpu_swarm(models, *prior, sizes, pool);
     if (settings.backend == BackendChoice::cuda || (settings.backend == BackendChoice::automatic && device::cuda_built_in())) {
-      on_device = device::plan_device_swarm(models, *prior, sizes);
+      SwarmSizes device_sizes = sizes;
+      device_sizes.swarm.particles = settings.device_particles;
+      on_device = device::plan_device_swarm(models, *prior, device_sizes);
       const DeviceOpen open = settings.open_device ? settings.open_device : device::make_cuda_device;
       auto both = make_guarded_swarm(
           std::move(swarm),
-          [models, p = prior, sizes, open](std::string& why) -> std::unique_ptr<SwarmBackend> {
+          [models, p = prior, device_sizes, open](std::string& why) -> std::unique_ptr<SwarmBackend> {
             try {
-              if (auto found = open(why)) return device::make_device_swarm(std::move(found), models, *p, sizes);
+              if (auto found = open(why)) return device::make_device_swarm(std::move(found), models, *p, device_sizes);
             } catch (const std::exception& e) {
               why = e.what();
             }

@@ -16,6 +16,11 @@
 #include "fit/swarm/guarded_swarm.hpp"
 #include "fit/track/fit_parts.hpp"
 
+namespace booth::gpu {
+template <class Kernels>
+class Device;
+}  // namespace booth::gpu
+
 namespace booth::fit {
 
 enum class Preset : std::uint8_t { booth, paper };
@@ -26,8 +31,9 @@ enum class BackendChoice : std::uint8_t {
   automatic,  ///< cuda where this build has it
 };
 namespace device {
-class Device;
-}
+struct Kernels;
+using Device = gpu::Device<Kernels>;
+}  // namespace device
 /// Opens the device that a swarm is to live on; null where there is none, `why` then says it in a sentence. May throw std::exception.
 using DeviceOpen = std::function<std::unique_ptr<device::Device>(std::string& why)>;
 
@@ -42,7 +48,9 @@ struct EstimatorSettings {
   std::uint64_t seed = 1;
   int cloud_capacity = 120000;
   int max_views = 8;
-  SwarmSettings swarm{};     ///< preset paper, on the CPU and on a device
+  SwarmSettings swarm{};  ///< preset paper; `particles` is the CPU's
+  /// Preset paper on a device: chosen from the curve of error against budget (docs/guide/gpu.md).
+  int device_particles = 5000;
   DeviceOpen open_device{};  ///< in place of the CUDA device, for tests: an emulated one
   GuardSettings guard{};     ///< how soon a lost device is tried again
   FitParts parts{};          ///< for studies; the product leaves it alone

@@ -21,7 +21,15 @@ struct CameraCounters {
   std::uint64_t delivered = 0, dropped = 0, corrupt = 0, restarts = 0;
 };
 
-/// Life: start() -> read()* -> stop(), as often as wanted. read() is called by one thread at a time; counters() and last_error() by any.
+/// What makes depth of a camera's signals, where more than one thing can; a copy, taken at one moment.
+struct DecodeStatus {
+  std::string name;           ///< "cpu avx2", "device cuda ..."; empty: there is nothing to say
+  std::string problem;        ///< why what was asked for does not decode; empty when it does, or nothing was asked for
+  std::uint64_t losses = 0;   ///< times that it failed in mid-run
+  std::uint64_t changes = 0;  ///< times that the work went from one to the other
+};
+
+/// Life: start() -> read()* -> stop(), as often as wanted. read() is called by one thread at a time; counters(), decoding() and last_error() by any.
 /// Frames come in order of `captured`, each at most once. read() allocates nothing after the first frame.
 class DepthCamera {
  public:
@@ -40,6 +48,7 @@ class DepthCamera {
   virtual ReadStatus read(DepthFrame& slot, Nanoseconds timeout) = 0;
 
   virtual CameraCounters counters() const = 0;
+  virtual DecodeStatus decoding() const { return {}; }
 
   /// One sentence on why the last read() said `lost`; empty otherwise.
   virtual std::string last_error() const = 0;

@@ -19,6 +19,7 @@ class WrappedCamera : public DepthCamera {
   void stop() noexcept override { camera_->stop(); }
   ReadStatus read(DepthFrame& slot, Nanoseconds timeout) override { return camera_->read(slot, timeout); }
   CameraCounters counters() const override { return camera_->counters(); }
+  DecodeStatus decoding() const override { return camera_->decoding(); }
   std::string last_error() const override { return camera_->last_error(); }
 
  private:

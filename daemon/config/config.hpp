@@ -26,6 +26,7 @@ struct Config {
       std::string cache = "/var/lib/boothd/kinect2";
       std::int64_t transfers = 24;
       bool colour = false;
+      std::string decoder = "cpu";
     } kinect2;
     struct {
       double rate = 30;
@@ -51,6 +52,7 @@ struct Config {
   } stage;
   struct {
     std::string preset = "booth", backend = "cpu", sex = "auto";
+    std::int64_t particles = 0;
     std::int64_t threads = 2;
     std::int64_t seed = 1;
   } fit;

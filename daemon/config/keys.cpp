@@ -80,6 +80,12 @@ const std::vector<std::string_view> kDrivers{"synthetic", "recording", "kinect2"
 const std::vector<std::string_view> kDrivers{"synthetic", "recording", "kinect2"}, kAbsentDrivers{"kinect2-emulated"};
 #endif
 
+#if defined(BOOTHD_HAS_CUDA)
+const std::vector<std::string_view> kProcessors{"auto", "cpu", "cuda"}, kAbsentProcessors{};
+#else
+const std::vector<std::string_view> kProcessors{"auto", "cpu"}, kAbsentProcessors{"cuda"};
+#endif
+
 #define BOOTH_SLOT(member) [](Config& c) -> ConfigSlot { return &c.member; }
 
 const std::vector<ConfigKey>& table() {
@@ -124,6 +130,12 @@ const std::vector<ConfigKey>& table() {
        .minimum = 8,
        .maximum = 120},
       {.name = "cameras.kinect2.colour", .slot = BOOTH_SLOT(cameras.kinect2.colour), .doc = "Receive the colour stream too; nothing uses it yet."},
+      {.name = "cameras.kinect2.decoder",
+       .slot = BOOTH_SLOT(cameras.kinect2.decoder),
+       .doc =
+           "What makes depth of the sensors' signals: `cuda` a CUDA device, with the CPU to take over when it fails; `auto` the same where the build has CUDA.",
+       .choices = kProcessors,
+       .absent = kAbsentProcessors},
       {.name = "cameras.emulated.rate",
        .slot = BOOTH_SLOT(cameras.emulated.rate),
        .doc = "Frames per second of each emulated sensor; the person and the room are those of cameras.synthetic.",
@@ -175,16 +187,15 @@ const std::vector<ConfigKey>& table() {
        .doc = "What computes preset paper's swarm: `cuda` a CUDA device, with the CPU to take over when it fails; `auto` the same where the build has CUDA. "
               "Preset "
               "booth works on the CPU.",
-       .choices = {"auto", "cpu"
-#if defined(BOOTHD_HAS_CUDA)
-                   ,
-                   "cuda"
-#endif
-       },
-#if !defined(BOOTHD_HAS_CUDA)
-       .absent = {"cuda"}
-#endif
-      },
+       .choices = kProcessors,
+       .absent = kAbsentProcessors},
+      {.name = "fit.particles",
+       .slot = BOOTH_SLOT(fit.particles),
+       .doc = "Particles of preset paper's swarm, also on the CPU; 0: 2,000, as published, and 5,000 on a device (docs/guide/gpu.md has the curve of error "
+              "against "
+              "them).",
+       .minimum = 0,
+       .maximum = 100000},
       {.name = "fit.sex",
        .slot = BOOTH_SLOT(fit.sex),
        .doc = "Which body model to fit; `auto` fits both and keeps the better.",

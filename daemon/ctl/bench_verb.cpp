@@ -1,5 +1,6 @@
 // boothctl bench: the fit signature, and the measurements of booth-bench, a program of the test tree that boothctl runs where it is installed.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -64,9 +65,9 @@ void add_bench_verb(CLI::App& app) {
   };
   for (const Task task :
        {Task{"dds", "Publish to take of a skeleton between two processes, against ddsperf's ping of the same size"},
-        Task{"decode", "Kinect v2 depth decoder, each kernel against the scalar reference"},
+        Task{"decode", "Kinect v2 depth decoder, each kernel against the scalar reference; with --backend cuda on a CUDA device"},
         Task{"track", "Preset booth: a tracked frame and a first estimate on one core, and their errors"},
-        Task{"fit", "Presets booth and paper against pagmo, nlopt and Ceres: error against time"},
+        Task{"fit", "Presets booth and paper against pagmo, nlopt and Ceres: error against time; with --backend cuda as task gpu"},
         Task{"pipeline", "Four cameras from memory through the live pipeline to DDS: latency by stage, losses"},
         Task{"field", "Nearest points: our field against kd-trees and brute force"}, Task{"swarm", "Preset paper: frames per second by kernel and threads"},
         Task{"record", "Depth images packed for recordings: frames per second on one core, size, and what it costs a camera's thread"},
@@ -75,8 +76,11 @@ void add_bench_verb(CLI::App& app) {
     verb->prefix_command();
     verb->set_help_flag();  // booth-bench knows the options
     verb->callback([verb, task] {
-      std::vector<std::string> arguments{task.name};
-      for (const std::string& word : verb->remaining()) arguments.push_back(word);
+      const std::vector<std::string> words = verb->remaining();
+      // A fit on a device is measured by a task of its own, with a device's clock.
+      const bool on_device = std::any_of(words.begin(), words.end(), [](const std::string& w) { return w.rfind("--backend", 0) == 0; });
+      std::vector<std::string> arguments{task.name == std::string_view("fit") && on_device ? "gpu" : task.name};
+      for (const std::string& word : words) arguments.push_back(word);
       become_test_program(std::string("bench ") + task.name, "booth-bench", arguments);
     });
   }

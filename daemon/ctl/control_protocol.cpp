@@ -106,6 +106,8 @@ Json make_status(const DaemonStatus& s) {
                             {"corrupt", c.counters.corrupt},
                             {"restarts", c.restarts},
                             {"problem", c.problem}});
+    if (const hal::DecodeStatus& d = c.decoding; !d.name.empty())
+      j["cameras"].back()["decoder"] = {{"name", d.name}, {"problem", d.problem}, {"losses", d.losses}, {"changes", d.changes}};
     if (const std::size_t i = j["cameras"].size() - 1; i < s.drift.size()) j["cameras"].back()["drift"] = drift_json(s.drift[i]);
   }
   j["cameras_minimum"] = s.minimum_cameras;

@@ -82,6 +82,8 @@ void add_cameras(Page& page, const StatusJson& status) {
   family("camera_displacement_meters", "gauge",
          "Distance by which the camera's points of a person are off from the other cameras', root mean square; 0 where not known.",
          [](const StatusJson& c) { return number_in(part_of(c, "drift"), "displacement_mm") / 1e3; });
+  family("camera_decoder_problem", "gauge", "1 where the camera's depth is not decoded by what was configured.",
+         [](const StatusJson& c) { return text_in(part_of(c, "decoder"), "problem").empty() ? 0.0 : 1.0; });
   family("camera_restarts_total", "counter", "Times the camera was started anew.", [](const StatusJson& c) { return number_in(c, "restarts"); });
 }
 

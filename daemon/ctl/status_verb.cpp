@@ -64,6 +64,8 @@ std::string for_people(const Json& s) {
                        c.value("serial", "").empty() ? "" : ", serial " + c.value("serial", ""),
                        c.value("port", "").empty() ? "" : fmt::format(", port {} of {}", c.value("port", ""), c.value("controller", "?")),
                        c.value("problem", "").empty() ? "" : ": " + c.value("problem", ""));
+    if (const Json decoder = c.value("decoder", Json::object()); decoder.is_object() && !decoder.value("problem", "").empty())
+      out += fmt::format("           {:<14} decoded by {}: {}\n", "", decoder.value("name", "?"), decoder.value("problem", ""));
     const Json drift = c.value("drift", Json::object());
     const std::string verdict = drift.is_object() ? drift.value("verdict", "") : "";
     if (verdict == "moved")

@@ -27,7 +27,7 @@ constexpr std::array<MessageEntry, 18> kMessages{{
      "By the people who were captured, a camera does not stand any more where the calibration says; as information: it does again.",
      "Look at the camera that is named: its mount, and what stands before it. Then calibrate anew, or `boothctl calibrate --from-person`."},
     {Message::backend_changed, "4ccdd4ee37f945b1af8b7339072ac108", "backend changed",
-     "Another device computes the fit than before; as a warning: not the one that is configured.",
+     "Another device than before computes the fit or decodes a camera's depth; as a warning: not the one that is configured.",
      "As a warning: look at the graphics processor (`nvidia-smi`, the kernel's log). boothd goes on with the CPU and tries it again."},
     {Message::panel_problem, "2f45c6a3bf844dbd8ccbe1d1f6173c34", "panel problem", "A button or lamp is in trouble; as information: they work again.",
      "The sentence names the line: missing chip, line in use by another program, a button that is stuck or chatters."},

@@ -164,6 +164,7 @@ CameraStatus CameraWorker::status() const {
   out.state = state();
   out.fps = fps_.load(std::memory_order_relaxed);
   out.counters = camera_.counters();
+  out.decoding = camera_.decoding();
   out.no_slot = no_slot_.load(std::memory_order_relaxed);
   out.restarts = restarts_.load(std::memory_order_relaxed);
   const std::lock_guard lock(problem_mutex_);

@@ -25,6 +25,7 @@ struct CameraStatus {
   hal::CameraCounters counters;
   std::uint64_t no_slot = 0;  ///< frames lost because all slots were in use
   std::uint32_t restarts = 0;
+  hal::DecodeStatus decoding;
 };
 
 /// The thread runs from construction to destruction.

@@ -41,6 +41,7 @@ FitSetup make_fit_setup(const Config& config, const std::vector<hal::CameraDescr
   estimator.backend = config.fit.backend == "cuda"   ? fit::BackendChoice::cuda
                       : config.fit.backend == "auto" ? fit::BackendChoice::automatic
                                                      : fit::BackendChoice::cpu;
+  if (config.fit.particles > 0) estimator.swarm.particles = estimator.device_particles = static_cast<int>(config.fit.particles);
   estimator.open_device = open_device;
   estimator.seed = static_cast<std::uint64_t>(config.fit.seed);
   out.fitter = std::make_unique<EstimatorFitter>(cameras, background, FitModels{out.models.men, out.models.women, prior}, cloud, estimator);

@@ -57,6 +57,7 @@ std::string golden_device_signature(int threads, int frames, const fit::DeviceOp
   config.fit.threads = threads;
   config.fit.preset = "paper";
   config.fit.backend = "cuda";
+  config.fit.particles = 2000;  // the published budget, whatever a device's default
   return signature_of(config, frames, open_device, true);
 }
 

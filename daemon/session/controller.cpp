@@ -17,6 +17,12 @@ namespace booth::daemon {
 using namespace std::chrono_literals;
 
 namespace {
+
+/// Of what works where more than one thing can. Said when the work changes hands, and at the start; a device that is tried again and again in vain is no news.
+template <class Status>
+bool is_news(const Status& said, const Status& now) {
+  return now.changes != said.changes || (said.name != now.name && !now.problem.empty());
+}
 constexpr hal::Nanoseconds kRepetitions = std::chrono::minutes(10);
 void write_camera_line(LogLevel level, const std::string& text) {
   log_message(level, level == LogLevel::warning ? Message::camera_lost : Message::camera_changed, text);
@@ -164,6 +170,7 @@ void Controller::watch_cameras() {
     camera_states_[i] = cameras[i].state;
   }
   camera_log_.tell(clock_.now());
+  watch_decoders(cameras);
   const bool paused = running < settings_.minimum_cameras;
   {
     const std::lock_guard lock(shared_mutex_);
@@ -178,15 +185,24 @@ void Controller::watch_cameras() {
 
 void Controller::watch_backend() {
   BackendStatus now = fitter_->backend();
-  // Said when the work changes hands, and at the start; a device that is tried again and again in vain is no news.
-  const bool first = backend_said_.name != now.name && !now.problem.empty() && backend_said_.changes == now.changes;
-  if (now.changes != backend_said_.changes || first) {
-    const bool bad = !now.problem.empty();
-    const std::string text = fmt::format("the fit is computed by {}{}{}", now.name, bad ? ": " : "", now.problem);
-    log_message(bad ? LogLevel::warning : LogLevel::info, Message::backend_changed, text);
-    say_event(bad ? "fault" : "state", "fit", text);
-  }
+  if (is_news(backend_said_, now)) say_changed_hands("the fit is computed", "fit", now.name, now.problem);
   backend_said_ = std::move(now);
+}
+
+void Controller::watch_decoders(const std::vector<CameraStatus>& cameras) {
+  decoders_said_.resize(cameras.size());
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const hal::DecodeStatus& now = cameras[i].decoding;
+    if (is_news(decoders_said_[i], now)) say_changed_hands(fmt::format("depth of camera {} is decoded", cameras[i].name), "cameras", now.name, now.problem);
+    decoders_said_[i] = now;
+  }
+}
+
+void Controller::say_changed_hands(const std::string& what, const std::string& source, const std::string& name, const std::string& problem) {
+  const bool bad = !problem.empty();
+  const std::string text = fmt::format("{} by {}{}{}", what, name, bad ? ": " : "", problem);
+  log_message(bad ? LogLevel::warning : LogLevel::info, Message::backend_changed, text);
+  say_event(bad ? "fault" : "state", source, text);
 }
 
 void Controller::watch_drift() {

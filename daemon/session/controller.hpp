@@ -130,6 +130,8 @@ class Controller final : public FrameSink {
   void take_frames();
   void watch_cameras();
   void watch_backend();
+  void watch_decoders(const std::vector<CameraStatus>& cameras);
+  void say_changed_hands(const std::string& what, const std::string& source, const std::string& name, const std::string& problem);
   void watch_drift();
   void watch_panel();
   void watch_credentials();
@@ -169,6 +171,7 @@ class Controller final : public FrameSink {
   RepeatedLog camera_log_, panel_log_;  ///< one line for each cause; repetitions are counted
   std::vector<std::string> panel_said_;
   BackendStatus backend_said_;
+  std::vector<hal::DecodeStatus> decoders_said_;
   std::vector<CameraDriftStatus::Verdict> drift_said_;
   CalibrationStatus calibration_said_;
   hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{}, next_credential_look_{}, next_drift_look_{};

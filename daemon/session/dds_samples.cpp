@@ -35,6 +35,8 @@ void add_faults(StatusSample& out, const DaemonStatus& s) {
       add("cameras", fmt::format("camera {} is {}{}{}", c.name, to_string(c.state), c.problem.empty() ? "" : ": ", c.problem));
   for (std::size_t c = 0; c < s.drift.size() && c < s.cameras.size(); ++c)
     if (off_its_place(s.drift[c])) add("cameras", drift_sentence(s.cameras[c].name, s.drift[c]));
+  for (const auto& c : s.cameras)
+    if (!c.decoding.problem.empty()) add("cameras", fmt::format("depth of camera {} is decoded by {}: {}", c.name, c.decoding.name, c.decoding.problem));
   if (!s.backend.problem.empty()) add("fit", fmt::format("{}: {}", s.backend.name, s.backend.problem));
   if (out.disk_free_bytes >= 0 && out.disk_free_bytes < kLowDisk)
     add("disk", fmt::format("only {} MB are free where sessions are kept", out.disk_free_bytes / 1'000'000));

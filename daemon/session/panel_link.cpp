@@ -1,6 +1,8 @@
 // Wait for a press, pass it on, look what came of it, light the light.
 #include "daemon/session/panel_link.hpp"
 
+#include <algorithm>
+
 #include "daemon/session/light_rule.hpp"
 
 namespace booth::daemon {
@@ -52,10 +54,11 @@ void PanelLink::request(const hal::TriggerEvent& event) {
 void PanelLink::show() {
   const std::vector<std::string> problems = panel_.problems();
   const DaemonStatus status = controller_.status();
+  const bool decoded_elsewhere = std::any_of(status.cameras.begin(), status.cameras.end(), [](const CameraStatus& c) { return !c.decoding.problem.empty(); });
   const LightFacts facts{.state = status.state,
                          .latched = status.latched,
                          .paused = status.paused,
-                         .degraded = status.degraded || !status.backend.problem.empty() || !status.drift_problem.empty(),
+                         .degraded = status.degraded || !status.backend.problem.empty() || decoded_elsewhere || !status.drift_problem.empty(),
                          .alarm = !status.session_alarm.empty(),
                          .panel = !problems.empty(),
                          .cue = status.calibration.cue};

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "drivers/kinect2/calibration.hpp"
+#include "gpu/device_report.hpp"
 
 namespace booth::drivers::kinect2 {
 
@@ -34,7 +35,11 @@ class Decoder {
   /// The last frame's depth before rounding, millimetres, device columns; for tests.
   virtual std::span<const float> depth_millimetres() const = 0;
   virtual std::size_t memory_bytes() const = 0;
+  /// Of the graphics processor that decodes; `wanted` is false where there is none to speak of. From any thread.
+  virtual gpu::DeviceReport report() const { return {}; }
 };
+/// Throws std::invalid_argument unless they are what decode() wants.
+void check_decoder_sizes(std::span<const std::byte> images, std::span<const std::uint16_t> depth, std::span<const std::uint16_t> infrared);
 
 /// Throws std::invalid_argument when this processor has no such kernel.
 std::unique_ptr<Decoder> make_decoder(const DepthCameraParameters& camera, const PhaseOffsets& phase, const DecoderSettings& settings, Kernel kernel);

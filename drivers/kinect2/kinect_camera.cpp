@@ -34,11 +34,12 @@ class KinectCamera final : public hal::DepthCamera, private usb::StreamSink {
  public:
   KinectCamera(KinectShared shared, KinectSettings settings)
       : clock_(shared.clock),
+        make_(shared.decoder),
         settings_(std::move(settings)),
         keeper_(std::move(shared), settings_),
         infrared_([this](const RawFrame& frame) { on_frame(frame); }) {
     const Calibration calibration = keeper_.learn_calibration();
-    decoder_ = make_decoder(calibration.depth, calibration.phase, settings_.decoder);
+    decoder_ = make_ ? make_(calibration.depth, calibration.phase, settings_.decoder) : make_decoder(calibration.depth, calibration.phase, settings_.decoder);
     description_ = {.name = settings_.name,
                     .serial = settings_.serial,
                     .intrinsics = unmirrored_intrinsics(calibration.depth),
@@ -55,6 +56,7 @@ class KinectCamera final : public hal::DepthCamera, private usb::StreamSink {
   void stop() noexcept override;
   hal::ReadStatus read(hal::DepthFrame& slot, hal::Nanoseconds timeout) override;
   hal::CameraCounters counters() const override;
+  hal::DecodeStatus decoding() const override;
   std::string last_error() const override {
     const std::lock_guard lock(mutex_);
     return error_;
@@ -80,6 +82,7 @@ class KinectCamera final : public hal::DepthCamera, private usb::StreamSink {
   };
 
   const std::shared_ptr<hal::Clock> clock_;
+  const DecoderMaker make_;
   const KinectSettings settings_;
   hal::CameraDescription description_;
   std::unique_ptr<Decoder> decoder_;
@@ -232,6 +235,12 @@ hal::ReadStatus KinectCamera::read(hal::DepthFrame& slot, hal::Nanoseconds timeo
   slot.captured = decoding_->captured;
   slot.received = decoding_->received;
   return hal::ReadStatus::frame;
+}
+
+hal::DecodeStatus KinectCamera::decoding() const {
+  const gpu::DeviceReport r = decoder_->report();
+  if (!r.wanted) return {};
+  return {.name = r.name, .problem = r.problem, .losses = r.losses, .changes = r.changes};
 }
 
 hal::CameraCounters KinectCamera::counters() const {

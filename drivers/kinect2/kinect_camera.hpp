@@ -21,6 +21,9 @@ struct PowerTools {
   std::function<bool(const std::string&path)> reset_port, rebind_controller;
 };
 
+/// Makes a camera's decoder.
+using DecoderMaker = std::function<std::unique_ptr<Decoder>(const DepthCameraParameters&, const PhaseOffsets&, const DecoderSettings&)>;
+
 /// What the cameras of one booth share. Outlives them.
 struct KinectShared {
   std::shared_ptr<usb::Bus> bus;
@@ -29,6 +32,7 @@ struct KinectShared {
   std::shared_ptr<ResetGate> gate = std::make_shared<ResetGate>();
   PowerTools power{};
   Notes notes{};
+  DecoderMaker decoder{};  ///< empty: the fastest on this processor; make_guarded_decoder() for one on a graphics processor
 };
 
 struct KinectSettings {

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "fit/host_device.hpp"
+#include "gpu/host_device.hpp"
 
 namespace booth::fit {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "fit/energy/energy_view.hpp"
-#include "fit/host_device.hpp"
+#include "gpu/host_device.hpp"
 
 namespace booth::fit {
 

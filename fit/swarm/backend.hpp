@@ -13,6 +13,7 @@
 #include "fit/parallel.hpp"
 #include "fit/swarm/move.hpp"
 #include "fit/swarm/swarm_settings.hpp"
+#include "gpu/device.hpp"
 
 namespace booth::fit {
 
@@ -23,11 +24,7 @@ struct SwarmSizes {
   FieldSettings field{};
 };
 
-/// What a back-end takes outside the process's ordinary memory.
-struct DeviceBytes {
-  std::size_t device = 0;  ///< of the graphics processor's own memory, by the sizes asked for
-  std::size_t pinned = 0;  ///< of the host's, locked, for the device to read and write
-};
+using gpu::DeviceBytes;
 
 /// Of one minimise(); the spans belong to the back-end and hold until the next call.
 struct SwarmResult {
@@ -45,6 +42,8 @@ class SwarmBackend {
  public:
   virtual ~SwarmBackend() = default;
   virtual const char* name() const = 0;  ///< "cpu avx512", ...
+  /// Why the last call returned false; empty where none did.
+  virtual const char* problem() const { return ""; }
 
   /// The frame's cloud (CMU frame): builds the nearest-point field. The cloud need not outlive the call.
   [[nodiscard]] virtual bool set_cloud(const Cloud& cloud) = 0;

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <cstring>
 
-#include "fit/host_device.hpp"
+#include "gpu/host_device.hpp"
 
 namespace booth::fit {
 

@@ -101,6 +101,22 @@ TEST_F(UnitsTest, AGraphicsProcessorAndCredentialsExposeNothingMore) {
   EXPECT_LE(exposure("boothd.service"), 12);
 }
 
+TEST_F(UnitsTest, AGraphicsProcessorRelaxesTheListOfDevicesAndNothingElse) {
+  std::istringstream lines(read_text(kUnits / "boothd.service.d/cuda.conf"));
+  std::vector<std::string> of_service;
+  bool service = false;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.empty() || line[0] == '#') continue;
+    if (line[0] == '[')
+      service = line == "[Service]";
+    else if (service)
+      of_service.push_back(line);
+  }
+  EXPECT_EQ(of_service, std::vector<std::string>{"DeviceAllow=char-nvidia* rw"});
+  const std::string unit = read_text(kUnits / "boothd.service");
+  for (const char* kept : {"MemoryDenyWriteExecute=yes", "DevicePolicy=closed"}) EXPECT_THAT(unit, HasSubstr(kept));
+}
+
 TEST_F(UnitsTest, WhatStandsBesideBoothdIsExposedLessStill) {
   EXPECT_LE(exposure("boothd-failed.service"), 5);
   EXPECT_LE(exposure("boothd-usb-recover@.service"), 10);

@@ -69,8 +69,9 @@ struct Rule {
 const std::vector<Rule>& rules() {
   static const std::vector<Rule> all{
       {"hal/", {"hal"}, {"std"}},
-      {"fit/", {"fit"}, {"std", "compiler", "Eigen", "FLANN"}},
-      {"fit/swarm/device/", {"fit"}, {"std", "compiler", "Eigen", "CUDA"}},
+      {"gpu/", {"gpu"}, {"std", "CUDA"}},
+      {"fit/", {"fit", "gpu"}, {"std", "compiler", "Eigen", "FLANN"}},
+      {"drivers/kinect2/", {"hal", "drivers", "gpu"}, {"std", "POSIX", "compiler", "libusb"}},
       {"drivers/", {"hal", "drivers"}, {"std", "POSIX", "compiler", "libusb", "libgpiod"}},
       {"drivers/synthetic/", {"hal", "drivers", "fit"}, {"std", "POSIX", "compiler", "Eigen"}},
       {"drivers/kinect2/emulator/", {"hal", "drivers", "fit"}, {"std", "POSIX", "compiler", "Eigen"}},

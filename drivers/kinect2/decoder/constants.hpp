@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "gpu/host_device.hpp"
+
 namespace booth::drivers::kinect2 {
 
 inline constexpr double kPhasePerCount = 2 * std::numbers::pi / 65536;  ///< of the offset tables
@@ -31,7 +33,7 @@ constexpr int value_of_code(unsigned code) {
 }
 
 /// The packed row that holds an output row, and the slot in it that holds a column.
-constexpr int raw_row(int row) { return row < 212 ? row : 635 - row; }
-constexpr int slot_of(int column) { return (column >> 2) + 128 * (column & 3); }
+BOOTH_HOST_DEVICE constexpr int raw_row(int row) { return row < 212 ? row : 635 - row; }
+BOOTH_HOST_DEVICE constexpr int slot_of(int column) { return (column >> 2) + 128 * (column & 3); }
 
 }  // namespace booth::drivers::kinect2

@@ -6,50 +6,24 @@
 #endif
 
 #include <array>
-#include <cmath>
 #include <list>
 #include <stdexcept>
 
-#include "drivers/kinect2/decoder/constants.hpp"
 #include "drivers/kinect2/decoder/kernels.hpp"
+#include "drivers/kinect2/decoder/tables.hpp"
 #include "drivers/kinect2/layout.hpp"
-#include "drivers/kinect2/lens.hpp"
 
 namespace booth::drivers::kinect2 {
 namespace {
 
-/// Coefficients of (weight exp(-strength v / 2))^(1/8) over v from 0 to 2, from five Chebyshev points: the kernels square three times instead of a longer
-/// polynomial.
-void fit_bilateral_weight(double weight, double strength, float (&out)[5]) {
-  constexpr int n = 5;
-  std::array<double, n> v{}, divided{}, c{};
-  for (std::size_t i = 0; i < n; ++i) {
-    v[i] = 1 + std::cos(std::numbers::pi * (2.0 * static_cast<double>(i) + 1) / (2 * n));
-    divided[i] = std::pow(weight, 0.125) * std::exp(-strength * v[i] / 16);
-  }
-  for (std::size_t j = 1; j < n; ++j)
-    for (std::size_t i = n - 1; i >= j; --i) divided[i] = (divided[i] - divided[i - 1]) / (v[i] - v[i - j]);
-  for (std::size_t i = n; i-- > 0;) {  // c := c (v - v_i) + divided_i
-    for (std::size_t k = n - 1; k > 0; --k) c[k] = c[k - 1] - v[i] * c[k];
-    c[0] = divided[i] - v[i] * c[0];
-  }
-  for (std::size_t k = 0; k < n; ++k) out[k] = static_cast<float>(c[k]);
-}
-
 class KernelDecoder final : public Decoder {
  public:
   KernelDecoder(const DepthCameraParameters& camera, const PhaseOffsets& phase, const DecoderSettings& settings, Kernel kernel, KernelFunction* function)
-      : kernel_(kernel), function_(function), rays_(make_ray_table(camera)) {
+      : kernel_(kernel), function_(function), tables_(make_decoder_tables(camera, phase, settings)) {
     const auto row = [&](std::ptrdiff_t rows) { return floats(static_cast<std::size_t>(rows * kRowFloats)) + kMargin; };
     for (std::size_t f = 0; f < 3; ++f) {
-      float *cosine = floats(kPixels), *sine = floats(kPixels);
-      for (std::size_t i = 0; i < kPixels; ++i) {
-        const double p = -kPhasePerCount * phase.p0.at(f).at(i);
-        cosine[i] = static_cast<float>(kFrequencyGain[f] * std::cos(p));
-        sine[i] = static_cast<float>(kFrequencyGain[f] * std::sin(p));
-      }
-      work_.cos_p[f] = cosine;
-      work_.sin_p[f] = sine;
+      work_.cos_p[f] = tables_.cosine[f].data();
+      work_.sin_p[f] = tables_.sine[f].data();
       work_.length[f] = row(kRingRows);
       work_.unit_a[f] = row(kRingRows);
       work_.unit_b[f] = row(kRingRows);
@@ -60,28 +34,19 @@ class KernelDecoder final : public Decoder {
     work_.infrared = row(1);
     work_.depth = floats(kPixels);
     work_.codes = codes_.data();
-    work_.xu = rays_.xu.data();
-    work_.s = rays_.s.data();
-    work_.minimum = static_cast<float>(1000 * settings.minimum_depth);
-    work_.maximum = static_cast<float>(1000 * settings.maximum_depth);
-    const double exponent = kBilateralExponent * (settings.parity ? std::numbers::log2e : 1.0);
-    fit_bilateral_weight(kGaussCorner, exponent, work_.corner);
-    fit_bilateral_weight(kGaussSide, exponent, work_.side);
-    const double at_one = settings.parity ? std::exp(std::numbers::ln10 / std::numbers::ln2 * kOffset) : std::pow(10.0, kOffset);
-    work_.residual_scale = static_cast<float>(std::pow(at_one / (2 * std::numbers::pi), 2));
-    work_.bilateral = settings.bilateral_filter;
-    work_.edge = settings.edge_filter;
+    work_.xu = tables_.rays.xu.data();
+    work_.s = tables_.rays.s.data();
+    work_.numbers = tables_.numbers;
   }
 
   Kernel kernel() const override { return kernel_; }
   void decode(std::span<const std::byte> images, std::span<std::uint16_t> depth, std::span<std::uint16_t> infrared) override {
-    if (images.size() < kFrameBytes || depth.size() < kPixels || (!infrared.empty() && infrared.size() < kPixels))
-      throw std::invalid_argument("the decoder needs ten whole images and room for every pixel");
+    check_decoder_sizes(images, depth, infrared);
     function_(work_, reinterpret_cast<const unsigned char*>(images.data()), depth.data(), infrared.empty() ? nullptr : infrared.data());
   }
   std::span<const float> depth_millimetres() const override { return {work_.depth, kPixels}; }
   std::size_t memory_bytes() const override {
-    std::size_t bytes = 3 * kPixels * sizeof(float) + codes_.size() * sizeof(std::uint16_t);
+    std::size_t bytes = tables_.bytes() + codes_.size() * sizeof(std::uint16_t);
     for (const auto& p : planes_) bytes += p.size() * sizeof(float);
     return bytes;
   }
@@ -94,7 +59,7 @@ class KernelDecoder final : public Decoder {
 
   const Kernel kernel_;
   KernelFunction* const function_;
-  const RayTable rays_;
+  const DecoderTables tables_;
   std::list<std::vector<float>> planes_;
   std::vector<std::uint16_t> codes_ = std::vector<std::uint16_t>(9 * kWidth);
   KernelWork work_{};
@@ -149,6 +114,11 @@ KernelFunction* function_of([[maybe_unused]] Kernel kernel) {
 std::string_view to_string(Kernel kernel) {
   static constexpr std::array<std::string_view, 5> kNames{"reference", "baseline", "avx2", "avx512", "neon"};
   return kNames.at(static_cast<std::size_t>(kernel));
+}
+
+void check_decoder_sizes(std::span<const std::byte> images, std::span<const std::uint16_t> depth, std::span<const std::uint16_t> infrared) {
+  if (images.size() < kFrameBytes || depth.size() < kPixels || (!infrared.empty() && infrared.size() < kPixels))
+    throw std::invalid_argument("the decoder needs ten whole images and room for every pixel");
 }
 
 std::vector<Kernel> available_kernels() {

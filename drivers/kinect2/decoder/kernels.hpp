@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "drivers/kinect2/decoder.hpp"
+#include "drivers/kinect2/decoder/phase_maths.hpp"
 
 namespace booth::drivers::kinect2 {
 
@@ -28,11 +29,7 @@ struct KernelWork {
   std::uint16_t* codes;                      ///< nine rows
   float* infrared;                           ///< one row
   float* depth;                              ///< kPixels
-  // Settings.
-  float minimum, maximum;    ///< millimetres
-  float corner[5], side[5];  ///< eighth root of a bilateral weight as a polynomial of twice the distance
-  float residual_scale;      ///< square of the residual limit at amplitude one, in turns
-  bool bilateral, edge;
+  DecodeNumbers numbers;
 };
 
 using KernelFunction = void(const KernelWork& work, const unsigned char* images, std::uint16_t* depth, std::uint16_t* infrared);

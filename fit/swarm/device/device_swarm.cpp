@@ -26,6 +26,8 @@ class Swarm final : public DeviceSwarm {
     need(sizes.field.cell > 0 && sizes.field.band > 0 && sizes.field.band <= 100 * sizes.field.cell * kBrick, "the field's band must be at most 400 cells");
     need(prior.components.cols() <= kMostPoseComponents, "at most 30 pose components");
     // As many blocks as there are processors, or more.
+    const auto hold = device_->hold();
+    if (!hold) check(DeviceError::lost);
     particles_a_block_ = sizes.swarm.particles >= 12 * device_->processors() ? 16 : 4;
     take_memory();
     for (const EnergyPack& pack : packs_) take_model(pack);
@@ -34,6 +36,7 @@ class Swarm final : public DeviceSwarm {
   }
 
   const char* name() const override { return name_.c_str(); }
+  const char* problem() const override { return error_ == DeviceError::none ? "" : to_string(error_); }
   DeviceError error() const override { return error_; }
   Device& device() override { return *device_; }
   int program(int model, bool with_field) const override { return models_[static_cast<std::size_t>(model)].program[with_field ? 1 : 0]; }
@@ -51,17 +54,20 @@ class Swarm final : public DeviceSwarm {
   DeviceBytes device_bytes() const override { return bytes_; }
 
   bool set_cloud(const Cloud& cloud) override {
+    const auto hold = device_->hold();
+    if (!there(hold)) return false;
     const int n = std::min(cloud.size, sizes_.field.max_points);
     const float* from[3] = {cloud.x.data(), cloud.y.data(), cloud.z.data()};
     for (int c = 0; c < 3; ++c) std::copy_n(from[c], n, cloud_ + static_cast<std::size_t>(c) * static_cast<std::size_t>(sizes_.field.max_points));
     field_input_->points = n;
     field_built_ = false;
     best_known_ = -1;
-    return error_ == DeviceError::none;
+    return true;
   }
 
   bool minimise(int model, std::span<const float> centres, std::span<const float> deviation, const RandomKey& key, SwarmResult& out) override {
-    if (error_ != DeviceError::none) return false;
+    const auto hold = device_->hold();
+    if (!there(hold)) return false;
     const int d = dimensions(model);
     swarm_frame_->key = key;
     swarm_frame_->starts = std::min(static_cast<int>(centres.size()) / d, kMostStarts);
@@ -85,7 +91,8 @@ class Swarm final : public DeviceSwarm {
   }
 
   bool evaluate(int model, std::span<const float> particle, ParticleTerms& out) override {
-    if (error_ != DeviceError::none) return false;
+    const auto hold = device_->hold();
+    if (!there(hold)) return false;
     // Nearly always the particle that was just found: its terms came with it.
     if (best_known_ == model && std::equal(particle.begin(), particle.end(), best_.begin())) {
       out = terms_;
@@ -107,6 +114,10 @@ class Swarm final : public DeviceSwarm {
     int program[2] = {0, 0}, evaluate = 0;  ///< without the field's build, with it
   };
 
+  bool there(const gpu::ResetGate::Hold& hold) {
+    if (!hold) error_ = DeviceError::lost;
+    return error_ == DeviceError::none;
+  }
   bool run(int program) {
     error_ = device_->run(program);
     return error_ == DeviceError::none;
@@ -145,9 +156,9 @@ class Swarm final : public DeviceSwarm {
     f.input = take_pinned(1, field_input_), f.cloud = take_pinned(3 * points, cloud_);
     *field_input_ = FieldInput{};
     f.frame = take<FieldFrame>(1), f.view = take<FieldView>(1);
-    f.count = take<std::int32_t>(bricks), f.start = take<std::int32_t>(2 * bricks + 1), f.next = take<std::int32_t>(bricks),
-    f.across = take<std::int8_t>(bricks);
-    f.used = take<std::int32_t>(1), f.key = take<std::int32_t>(points), f.given = take<Point>(points), f.sorted = take<Point>(points);
+    f.count = take<std::int32_t>(bricks), f.start = take<std::int32_t>(2 * bricks + 1), f.across = take<std::int8_t>(bricks);
+    f.used = take<std::int32_t>(1), f.key = take<std::int32_t>(points), f.rank = take<std::int32_t>(points), f.given = take<Point>(points),
+    f.sorted = take<Point>(points);
     f.nearest = take<Point>(bricks), f.fine_list = take<std::int32_t>(bricks), f.fine_count = take<std::int32_t>(1);
     f.brick = take<std::int32_t>(bricks), f.cell = take<std::int32_t>(1 + bricks * (1 + kBrickCells));
     const std::vector<std::int32_t> box{kEmptyLow, kEmptyLow, kEmptyLow, kEmptyHigh, kEmptyHigh, kEmptyHigh};
@@ -166,13 +177,13 @@ class Swarm final : public DeviceSwarm {
     for (int i = 0; i < 2; ++i)
       s.block_key[i] = take<std::uint64_t>(blocks), s.block_best[i] = take<float>(blocks * kMostDimensions), s.global[i] = take<float>(1 + kMostDimensions);
     s.history = take<float>(kMostIterations);
-    check(device_->record(field_steps(), field_program_));
+    check(device_->record(field_steps(TakeCloud(field_)), field_program_));
   }
 
-  std::vector<Step> field_steps() const {
+  std::vector<Step> field_steps(const TakeCloud& take_cloud) const {
     const int many = 8 * device_->processors();
-    return {{TakeCloud(field_), many / 4}, {CountPoints(field_), many / 4},    {StartRows(field_), many},
-            {SortPoints(field_), many},    {DescribeBricks(field_), 2 * many}, {DescribeCells(field_), many}};
+    return {{take_cloud, many / 4},     {CountPoints(field_), many / 4},    {StartRows(field_), many},
+            {SortPoints(field_), many}, {DescribeBricks(field_), 2 * many}, {DescribeCells(field_), many}};
   }
 
   void take_model(const EnergyPack& pack) {
@@ -219,8 +230,9 @@ class Swarm final : public DeviceSwarm {
     last.iteration = n, last.answer = answer_device_;
     steps.push_back({last, 1});
     check(device_->record(steps, model.program[0]));
-    std::vector<Step> with_field = field_steps();
-    with_field.insert(with_field.end(), steps.begin(), steps.end());
+    std::vector<Step> with_field =
+        field_steps(TakeCloud(field_, reinterpret_cast<const Words*>(take_frame.from), reinterpret_cast<Words*>(take_frame.to), TakeFrame::kWords));
+    with_field.insert(with_field.end(), steps.begin() + 1, steps.end());
     check(device_->record(with_field, model.program[1]));
     last.given = given_device_;
     const Step one{last, 1};
@@ -268,6 +280,7 @@ class CountingDevice final : public Device {
   const std::string& name() const override { return name_; }
   int processors() const override { return 256; }
   const std::string& problem() const override { return problem_; }
+  gpu::ResetGate::Hold hold() override { return {gate_, 0}; }
   DeviceError allocate(std::size_t, void*& out) override {
     out = this;
     return DeviceError::none;
@@ -286,6 +299,7 @@ class CountingDevice final : public Device {
   DeviceError time(int, int, int, double&) override { return DeviceError::absent; }
 
  private:
+  gpu::ResetGate gate_;
   std::string name_ = "counted", problem_;
   std::vector<std::unique_ptr<std::uint64_t[]>> memory_;
 };

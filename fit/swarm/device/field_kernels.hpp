@@ -7,9 +7,9 @@
 #include <cstdint>
 
 #include "fit/cloud/field_view.hpp"
-#include "fit/host_device.hpp"
-#include "fit/swarm/device/launch.hpp"
 #include "fit/swarm/device/point_kernels.hpp"
+#include "gpu/host_device.hpp"
+#include "gpu/launch.hpp"
 
 namespace booth::fit::device {
 
@@ -131,10 +131,12 @@ struct DescribeBricks {
       float promise = 3e38f;
       std::int32_t promising = -1;
       if (!place.border)
-        each_row(f, place, layers, member, [&](int, std::int32_t y, std::int32_t z, float gx, float gy, float gz, std::int32_t x) {
-          const float far = square((gx + 0.5f) * f.edge) + square((gy + 0.5f) * f.edge) + square((gz + 0.5f) * f.edge);
-          if (far < promise && least2(f, gx, gy, gz) <= reach * reach) promise = far, promising = (z * f.bricks[1] + y) * (f.bricks[0] + 1) + x;
-        });
+        each_row(
+            f, place, layers, layers, member, [&](float gy, float gz) { return far2(f, 0, gy, gz) < promise && least2(f, 0, gy, gz) <= reach * reach; },
+            [&](int, std::int32_t y, std::int32_t z, float gx, float gy, float gz, std::int32_t x) {
+              const float far = far2(f, gx, gy, gz);
+              if (far < promise && least2(f, gx, gy, gz) <= reach * reach) promise = far, promising = (z * f.bricks[1] + y) * (f.bricks[0] + 1) + x;
+            });
       s.promise[t] = promise, s.promising[t] = promising;
       if (member == 0) s.listed[team] = 0;
     } else if constexpr (kPhase == 1) {
@@ -146,11 +148,15 @@ struct DescribeBricks {
     } else if constexpr (kPhase == 2) {
       if (most_promising(s, leader) < 0) return;
       const float distance2 = of_team(s.first, leader).distance2;
-      each_row(f, place, layers, member, [&](int row, std::int32_t, std::int32_t, float gx, float gy, float gz, std::int32_t) {
-        if (least2(f, gx, gy, gz) > distance2) return;
-        const std::int32_t at = add(&s.listed[team], 1);
-        if (at < kListed) s.row[team][at] = static_cast<std::int16_t>(row);
-      });
+      // Where a point is near only the rows close by can hold a nearer one; a tenth of a brick more, so that rounding loses none.
+      const int near = static_cast<int>(sqrtf(distance2) / f.edge + 0.6f);
+      each_row(
+          f, place, layers, near < layers ? near : layers, member, [&](float gy, float gz) { return least2(f, 0, gy, gz) <= distance2; },
+          [&](int row, std::int32_t, std::int32_t, float gx, float gy, float gz, std::int32_t) {
+            if (least2(f, gx, gy, gz) > distance2) return;
+            const std::int32_t at = add(&s.listed[team], 1);
+            if (at < kListed) s.row[team][at] = static_cast<std::int16_t>(row);
+          });
     } else if constexpr (kPhase == 3) {
       Nearest best = of_team(s.first, leader);
       if (s.listed[team] > kListed)
@@ -177,21 +183,25 @@ struct DescribeBricks {
     const auto near = [&](float g) { return g > 0 ? (g - 0.5f) * f.edge - 1e-4f : 0.0f; };
     return square(near(gx)) + square(near(gy)) + square(near(gz));
   }
-  /// A team's member takes every kTeam-th row that has points: visit(row, y, z, bricks away along x, y and z, x of the nearest brick that has some).
-  template <class Visit>
-  BOOTH_HOST_DEVICE void each_row(const FieldFrame& f, const BrickPlace& place, int layers, int member, const Visit& visit) const {
-    const int across = 2 * layers + 1;
-    int row = member, dy = member % across - layers, dz = member / across - layers;
-    while (dz <= layers) {
+  /// ... and at most, where it has a point. Both sum squares in one order, so that with less of one axis they are never more.
+  BOOTH_HOST_DEVICE static float far2(const FieldFrame& f, float gx, float gy, float gz) {
+    return square((gx + 0.5f) * f.edge) + square((gy + 0.5f) * f.edge) + square((gz + 0.5f) * f.edge);
+  }
+  /// Of the rows at most `reached` of `layers` away along y and z, a team's member takes every kTeam-th. It looks at those that may be worth it, by how far
+  /// they are, worth(y, z), and visits the ones that have points: visit(row, y, z, bricks away along x, y and z, x of the nearest brick that has some).
+  template <class Worth, class Visit>
+  BOOTH_HOST_DEVICE void each_row(const FieldFrame& f, const BrickPlace& place, int layers, int reached, int member, const Worth& worth,
+                                  const Visit& visit) const {
+    const int across = 2 * reached + 1;
+    int dy = member % across - reached, dz = member / across - reached;
+    while (dz <= reached) {
       const std::int32_t y = place.at[1] + dy, z = place.at[2] + dz;
-      if (y >= 0 && y < f.bricks[1] && z >= 0 && z < f.bricks[2]) {
+      const float gy = static_cast<float>(dy < 0 ? -dy : dy), gz = static_cast<float>(dz < 0 ? -dz : dz);
+      if (y >= 0 && y < f.bricks[1] && z >= 0 && z < f.bricks[2] && worth(gy, gz)) {
         const int dx = m.across[(z * f.bricks[1] + y) * f.bricks[0] + place.at[0]];
-        if (dx != kNoneAcross)
-          visit(row, y, z, static_cast<float>(dx < 0 ? -dx : dx), static_cast<float>(dy < 0 ? -dy : dy), static_cast<float>(dz < 0 ? -dz : dz),
-                place.at[0] + dx);
+        if (dx != kNoneAcross) visit((dz + layers) * (2 * layers + 1) + dy + layers, y, z, static_cast<float>(dx < 0 ? -dx : dx), gy, gz, place.at[0] + dx);
       }
-      row += kTeam;
-      for (dy += kTeam; dy > layers; dy -= across) ++dz;
+      for (dy += kTeam; dy > reached; dy -= across) ++dz;
     }
   }
   BOOTH_HOST_DEVICE static std::int32_t most_promising(const Shared& s, int leader) {
@@ -277,8 +287,11 @@ struct DescribeCells {
         return g > 0 ? g : 0.0f;
       };
       const float gy = off(1, y), gz = off(2, z), rest = reach2 - (gy * gy + gz * gz);
-      if (rest < 0 || m.across[(z * f.bricks[1] + y) * f.bricks[0] + place.at[0]] == kNoneAcross) continue;
+      if (rest < 0) continue;
       const float reach = sqrtf(rest) + h + 1e-4f;
+      const int dx = m.across[(z * f.bricks[1] + y) * f.bricks[0] + place.at[0]];
+      // The row's nearest points lie beyond, by a tenth of a brick at least, so that rounding loses none.
+      if (dx == kNoneAcross || (static_cast<float>(dx < 0 ? -dx : dx) - 0.6f) * f.edge > reach) continue;
       const auto layer = [&](float x) {
         const std::int32_t i = static_cast<std::int32_t>((x - f.origin[0]) / f.edge);
         return i < 0 ? 0 : i > f.bricks[0] - 1 ? f.bricks[0] - 1 : i;

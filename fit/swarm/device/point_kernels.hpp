@@ -6,11 +6,14 @@
 #include <cstdint>
 
 #include "fit/cloud/field_view.hpp"
-#include "fit/host_device.hpp"
-#include "fit/swarm/device/launch.hpp"
 #include "fit/swarm/lanes.hpp"
+#include "gpu/host_device.hpp"
+#include "gpu/launch.hpp"
 
 namespace booth::fit::device {
+
+using gpu::Lane;
+using gpu::OneRound;
 
 struct alignas(16) Point {
   float x, y, z;
@@ -41,12 +44,12 @@ struct FieldMemory {
   float edge, fine, band;  ///< m; the brick's edge before it grows
   FieldFrame* frame;
   FieldView* view;
-  std::int32_t* box;           ///< least x, y, z, then greatest: floats as ordered(); empty between two frames
-  std::int32_t *count, *next;  ///< per brick
-  std::int32_t* start;         ///< per brick, and one more after each row of bricks: row r's begin at r (bricks[0] + 1)
-  std::int8_t* across;         ///< per brick: along x to the nearest brick that has points, or kNoneAcross
-  std::int32_t* used;          ///< places given to rows so far
-  std::int32_t* key;           ///< per point
+  std::int32_t* box;         ///< least x, y, z, then greatest: floats as ordered(); empty between two frames
+  std::int32_t* count;       ///< per brick
+  std::int32_t* start;       ///< per brick, and one more after each row of bricks: row r's begin at r (bricks[0] + 1)
+  std::int8_t* across;       ///< per brick: along x to the nearest brick that has points, or kNoneAcross
+  std::int32_t* used;        ///< places given to rows so far
+  std::int32_t *key, *rank;  ///< per point: its brick's place in `start` (-1: it cannot be used), and how many of the brick's points came before it
   Point *given, *sorted;
   Point* nearest;              ///< per brick with cells: the point nearest to its centre
   std::int32_t* fine_list;     ///< the bricks with cells, in any order ...
@@ -115,15 +118,24 @@ BOOTH_HOST_DEVICE FieldFrame field_frame(const FieldMemory& m) {
   return f;
 }
 
-/// Reads the cloud over the bus, once, and finds its box. Bricks have no points yet.
+/// What crosses the bus at once.
+struct alignas(16) Words {
+  std::uint32_t word[4];
+};
+
+/// Reads the cloud over the bus, once, and finds its box; and, for the swarm that follows, its frame. Bricks have no points yet.
 struct TakeCloud : OneRound {
   static constexpr int kThreads = 256, kPhases = 3, kWarp = 32;
   struct Shared {
     float low[3][kThreads], high[3][kThreads];
   };
   struct Private {};
-  explicit TakeCloud(const FieldMemory& memory) : m(memory) {}
+  explicit TakeCloud(const FieldMemory& memory, const Words* from = nullptr, Words* to = nullptr, int words = 0)
+      : m(memory), frame_from(from), frame_to(to), frame_words(words) {}
   FieldMemory m;
+  const Words* frame_from;
+  Words* frame_to;
+  std::int32_t frame_words;
 
   template <int kPhase>
   BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared& s, Private&) const {
@@ -137,6 +149,8 @@ struct TakeCloud : OneRound {
         if (!usable(p[0], p[1], p[2])) continue;
         for (int c = 0; c < 3; ++c) low[c] = p[c] < low[c] ? p[c] : low[c], high[c] = p[c] > high[c] ? p[c] : high[c];
       }
+      // By the last threads, which have the fewest points.
+      for (std::int32_t i = stride - 1 - first; i < frame_words; i += stride) frame_to[i] = frame_from[i];
       for (int c = 0; c < 3; ++c) s.low[c][t] = low[c], s.high[c][t] = high[c];
       for (std::int32_t b = first; b < m.max_bricks; b += stride) m.count[b] = 0;
       if (first == 0) *m.used = *m.fine_count = 0, m.cell[0] = kNoPoint;
@@ -157,7 +171,7 @@ struct TakeCloud : OneRound {
   }
 };
 
-/// Counts each brick's points. What the frame's bricks are, every block finds for itself.
+/// Counts each brick's points; the count that a point finds is its rank there. What the frame's bricks are, every block finds for itself.
 struct CountPoints : OneRound {
   static constexpr int kThreads = 256, kPhases = 2;
   struct Shared {
@@ -192,9 +206,9 @@ struct CountPoints : OneRound {
           at[c] = static_cast<std::int32_t>((place[c] - f.origin[c]) / f.edge);
           at[c] = at[c] < 0 ? 0 : at[c] > f.bricks[c] - 1 ? f.bricks[c] - 1 : at[c];
         }
-        const std::int32_t key = good ? (at[2] * f.bricks[1] + at[1]) * f.bricks[0] + at[0] : -1;
-        m.key[i] = key;
-        if (good) add(m.count + key, 1);
+        const std::int32_t row = at[2] * f.bricks[1] + at[1], brick = row * f.bricks[0] + at[0];
+        m.key[i] = good ? brick + row : -1;
+        if (good) m.rank[i] = add(m.count + brick, 1);
       }
     }
   }
@@ -228,7 +242,7 @@ struct StartRows : OneRound {
       std::int32_t at = add(m.used, sum), gap = kNoneAcross;
       for (std::int32_t x = 0; x < nx; ++x) {
         const std::int32_t n = count[x];
-        start[x] = m.next[row * nx + x] = at;
+        start[x] = at;
         at += n;
         gap = n > 0 ? 0 : gap < kNoneAcross ? gap + 1 : gap;
         across[x] = static_cast<std::int8_t>(-gap);
@@ -243,7 +257,8 @@ struct StartRows : OneRound {
   }
 };
 
-/// The points by brick. Within a brick their order is left to chance; whoever reads them chooses by distance and index.
+/// The points by brick. Within a brick they stand in the order in which they were counted, which is left to chance; whoever reads them chooses by distance and
+/// index.
 struct SortPoints : OneRound {
   static constexpr int kThreads = 256, kPhases = 1;
   struct Shared {};
@@ -255,7 +270,7 @@ struct SortPoints : OneRound {
   BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared&, Private&) const {
     const std::int32_t n = m.frame->points;
     for (std::int32_t i = lane.block * kThreads + lane.thread; i < n; i += lane.blocks * kThreads)
-      if (const std::int32_t key = m.key[i]; key >= 0) m.sorted[add(m.next + key, 1)] = m.given[i];
+      if (const std::int32_t key = m.key[i]; key >= 0) m.sorted[m.start[key] + m.rank[i]] = m.given[i];
   }
 };
 

@@ -7,9 +7,10 @@
 
 #include "fit/energy/particle_energy.hpp"
 #include "fit/energy/pose_steps.hpp"
-#include "fit/host_device.hpp"
-#include "fit/swarm/device/launch.hpp"
+#include "fit/swarm/device/point_kernels.hpp"
 #include "fit/swarm/move.hpp"
+#include "gpu/host_device.hpp"
+#include "gpu/launch.hpp"
 
 namespace booth::fit::device {
 
@@ -74,22 +75,20 @@ struct SwarmState {
   float* history;                     ///< [iteration]
 };
 
-/// Copies a frame's settings from pinned memory, so that they cross the bus once; all at once, since each trip over it takes microseconds.
+/// Copies a frame's settings from pinned memory, where no TakeCloud does, so that they cross the bus once; all at once, since each trip over it takes
+/// microseconds.
 struct TakeFrame : OneRound {
   static constexpr int kThreads = 1024, kPhases = 1;
   struct Shared {};
   struct Private {};
-  struct alignas(16) Words {
-    std::uint32_t word[4];
-  };
+  static constexpr int kWords = static_cast<int>(sizeof(SwarmFrame) / sizeof(Words));
   const SwarmFrame* from = nullptr;
   SwarmFrame* to = nullptr;
 
   template <int kPhase>
   BOOTH_HOST_DEVICE void phase(const Lane& lane, int, Shared&, Private&) const {
     static_assert(sizeof(SwarmFrame) % sizeof(Words) == 0);
-    for (int i = lane.thread; i < static_cast<int>(sizeof(SwarmFrame) / sizeof(Words)); i += kThreads)
-      reinterpret_cast<Words*>(to)[i] = reinterpret_cast<const Words*>(from)[i];
+    for (int i = lane.thread; i < kWords; i += kThreads) reinterpret_cast<Words*>(to)[i] = reinterpret_cast<const Words*>(from)[i];
   }
 };
 

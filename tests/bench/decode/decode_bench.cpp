@@ -8,6 +8,7 @@
 #include "drivers/kinect2/decoder.hpp"
 #include "drivers/kinect2/emulator/forward_model.hpp"
 #include "drivers/kinect2/layout.hpp"
+#include "tests/bench/decode/device_bench.hpp"
 #include "tests/bench/decode/frames.hpp"
 #include "tests/bench/harness/harness.hpp"
 #include "tests/support/allocation_count.hpp"
@@ -90,10 +91,18 @@ void measure(const Case& c, const std::vector<PackedFrame>& frames, const PhaseO
 Run make(CLI::App& options) {
   auto repeats = std::make_shared<int>(40);
   options.add_option("--repeats", *repeats, "Frames for each kernel and case")->check(CLI::Range(1, 10000))->capture_default_str();
-  return [repeats](const Common& common, Report& report) {
+  auto backend = std::make_shared<std::string>("cpu");
+  options.add_option("--backend", *backend, "cpu: its kernels; cuda: the decode on a CUDA device beside the CPU's; emulated: the same on the host, slowly")
+      ->check(CLI::IsMember({"cpu", "cuda", "emulated"}))
+      ->capture_default_str();
+  return [repeats, backend](const Common& common, Report& report) {
     const int count = common.short_form ? 1 : 8;
     const auto phase = emulator::realistic_phase_offsets();
     const auto person = person_frames(phase, count), worst = worst_frames(phase, count);
+    if (*backend != "cpu") {
+      measure_device_decode(*backend == "emulated", phase, person, common.short_form ? 1 : *repeats, report);
+      return;
+    }
     report.note("clock", "processor time of the one thread; median");
     report.note("fastest_kernel", std::string(to_string(available_kernels().back())));
     for (const Case& c : kCases) measure(c, c.worst ? worst : person, phase, common.short_form ? 1 : *repeats, report);

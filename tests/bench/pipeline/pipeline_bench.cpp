@@ -23,6 +23,7 @@ struct Options {
   std::string motion;  ///< empty: as the help says
   double seconds = 30, memory_seconds = 0, warm_up = 3;
   bool decode = false;
+  std::string decoder = "cpu";
   double steal = 0;  ///< seconds
   int thieves = 0;   ///< 0: two a core
 };
@@ -92,7 +93,7 @@ void run(Options o, const Common& common, Report& report) {
 
   drivers::SystemClock clock;
   tests::MemoryBooth::Options options{.threads = o.threads, .notes = static_cast<std::size_t>((o.seconds + o.warm_up + o.steal) * 31) + 1000, .decode = {}};
-  if (raw) options.decode = [&](std::size_t camera) { return raw->decoder(camera); };
+  if (raw) options.decode = [&](std::size_t camera) { return raw->decoder(camera, o.decoder == "cuda"); };
   tests::MemoryBooth booth(memory, clock, std::move(options));
   const auto sleep = [](double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); };
   const auto counters = [&] { return booth.pipeline().counters(); };
@@ -114,7 +115,7 @@ void run(Options o, const Common& common, Report& report) {
   const double copy_ms = 1e3 * copy_seconds(memory.bytes() / memory.frames[0].size());
 
   report.note("motion", fmt::format("{}, {:.1f} s, again and again", o.motion, 1e-9 * static_cast<double>(memory.length.count())));
-  report.note("depth decode", o.decode ? "in the camera threads" : "no");
+  report.note("depth decode", o.decode ? "in the camera threads, " + o.decoder : std::string("no"));
   report.note("threads", std::to_string(o.threads));
   report.note("measured", fmt::format("{:g} s", o.seconds));
   report.add({"groups formed", "", static_cast<double>(after.groups - before.groups)});
@@ -158,6 +159,9 @@ const Registration kTask(
      [](CLI::App& app) -> Run {
        auto o = std::make_shared<Options>();
        app.add_option("--seconds", o->seconds, "How long to measure; 600 is the official length")->check(CLI::Range(1.0, 36000.0))->capture_default_str();
+       app.add_option("--decoder", o->decoder, "What decodes with --decode: cpu, or cuda for a CUDA device")
+           ->check(CLI::IsMember({"cpu", "cuda"}))
+           ->capture_default_str();
        app.add_flag("--decode", o->decode, "The cameras deliver raw phase images, decoded in their threads");
        app.add_option("--steal", o->steal, "Afterwards, busy loops beside it for so many seconds")->check(CLI::Range(0.0, 600.0))->capture_default_str();
        app.add_option("--thieves", o->thieves, "How many busy loops; 0: two for each core")->check(CLI::Range(0, 64))->capture_default_str();

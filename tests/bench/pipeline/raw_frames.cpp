@@ -6,6 +6,7 @@
 #include "drivers/kinect2/decoder.hpp"
 #include "drivers/kinect2/emulator/forward_model.hpp"
 #include "drivers/kinect2/layout.hpp"
+#include "tests/bench/decode/device_bench.hpp"
 
 namespace booth::bench {
 
@@ -29,7 +30,13 @@ RawFrames::RawFrames(const tests::FrameMemory& memory) : images_(std::make_share
   }
 }
 
-tests::MemoryCamera::Decode RawFrames::decoder(std::size_t camera) const {
+tests::MemoryCamera::Decode RawFrames::decoder(std::size_t camera, bool on_device) const {
+  if (on_device) {
+    std::shared_ptr<DeviceDecoder> device = make_device_bench_decoder(false, emulator::realistic_phase_offsets());
+    return [images = images_, device, camera](std::size_t number, std::span<std::uint16_t> depth) {
+      if (!device->decode((*images)[camera][number], depth, {})) std::fill(depth.begin(), depth.end(), std::uint16_t{0});  // an empty room: it will be seen
+    };
+  }
   std::shared_ptr<Decoder> decoder = make_decoder(emulator::typical_camera(), emulator::realistic_phase_offsets());
   return [images = images_, decoder, camera](std::size_t number, std::span<std::uint16_t> depth) { decoder->decode((*images)[camera][number], depth, {}); };
 }

@@ -12,8 +12,8 @@ namespace booth::bench {
 class RawFrames {
  public:
   explicit RawFrames(const tests::FrameMemory& memory);
-  /// A decoder of its own for one camera, with the fastest kernel there is.
-  tests::MemoryCamera::Decode decoder(std::size_t camera) const;
+  /// A decoder of its own for one camera, with the fastest kernel there is; `on_device`: on the CUDA device. Throws std::runtime_error where there is none.
+  tests::MemoryCamera::Decode decoder(std::size_t camera, bool on_device = false) const;
   std::size_t bytes() const;
 
  private:

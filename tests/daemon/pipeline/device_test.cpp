@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <mutex>
 
 #include "daemon/drivers_factory.hpp"
 #include "daemon/io/model_file.hpp"
@@ -31,13 +32,17 @@ struct DeviceBooth : ::testing::Test {
     FitSetup setup = make_fit_setup(config, source.cameras, source.background);
     fit::EstimatorSettings settings;
     settings.preset = fit::Preset::paper, settings.sex = fit::SexChoice::men, settings.backend = fit::BackendChoice::cuda;
-    settings.swarm.particles = 24, settings.swarm.iterations = 2;
+    settings.swarm.particles = settings.device_particles = 24, settings.swarm.iterations = 2;
     settings.guard = {.first_wait = 5ms, .longest_wait = 20ms};
     settings.open_device = [this](std::string&) { return fit::device::make_emulated_device(faults); };
     fitter = std::make_unique<EstimatorFitter>(descriptions, source.background, FitModels{setup.models.men, nullptr, prior()}, fit::CloudSettings{}, settings);
     ControllerSettings c;
     c.session_directory = folder.path;
     c.limits.search = 600s, c.limits.session = 600s;
+    c.on_event = [this](const std::string& kind, const std::string& from, const std::string& text) {
+      const std::lock_guard lock(events_mutex);
+      if (from == "fit" && text.rfind("the fit is computed", 0) == 0) events.push_back(kind + ": " + text);
+    };
     c.models = setup.models;
     controller = std::make_unique<Controller>(c, *source.clock);
     pipeline = std::make_unique<Pipeline>(Pipeline::Settings{.minimum_cameras = 2, .synchroniser = {}}, source.cameras, *source.clock, *fitter, *controller);
@@ -56,8 +61,16 @@ struct DeviceBooth : ::testing::Test {
     return tests::eventually([&] { return frames() >= before + 2; }, 120s);
   }
 
+  /// Of the fit, so far.
+  std::vector<std::string> said() {
+    const std::lock_guard lock(events_mutex);
+    return events;
+  }
+
   Config config;
   tests::TemporaryFolder folder;
+  std::mutex events_mutex;
+  std::vector<std::string> events;
   fit::device::Faults faults;
   DepthSource source;
   std::unique_ptr<EstimatorFitter> fitter;
@@ -71,21 +84,33 @@ TEST_F(DeviceBooth, GoesOnWithoutADeviceThatIsLostAndTakesItBack) {
   ASSERT_TRUE(frames_go_on());
   EXPECT_EQ(backend().name, "device emulated");
   EXPECT_EQ(backend().problem, "");
-  // Lost in mid-run.
-  faults.at_start = DeviceError::absent;  // and away for a while
-  faults.runs_left = 0;
-  ASSERT_TRUE(tests::eventually([&] { return backend().losses == 1; }, 120s));
-  ASSERT_TRUE(frames_go_on());
-  EXPECT_EQ(backend().name.substr(0, 3), "cpu");
-  EXPECT_NE(backend().problem, "");
-  ASSERT_TRUE(tests::eventually([&] { return faults.starts >= 3; }, 120s)) << "nobody tries the device again";
-  // It comes back.
-  faults.runs_left = -1;
-  faults.at_start = DeviceError::none;
-  ASSERT_TRUE(tests::eventually([&] { return backend().name == "device emulated"; }, 120s));
-  ASSERT_TRUE(frames_go_on());
-  EXPECT_EQ(backend().problem, "");
-  EXPECT_EQ(backend().changes, 2u);
+  EXPECT_TRUE(said().empty());
+  // Its driver is reset, it hangs, it is removed, it has no memory.
+  std::size_t times = 0;
+  for (const DeviceError error : {DeviceError::lost, DeviceError::late, DeviceError::absent, DeviceError::out_of_memory}) {
+    ++times;
+    const int tried = faults.starts;
+    faults.at_start = DeviceError::absent;  // and away for a while
+    faults.error = error;
+    faults.runs_left = 0;
+    ASSERT_TRUE(tests::eventually([&] { return backend().losses == times; }, 120s));
+    ASSERT_TRUE(frames_go_on());
+    EXPECT_EQ(backend().name.substr(0, 3), "cpu");
+    EXPECT_NE(backend().problem, "");
+    ASSERT_TRUE(tests::eventually([&] { return said().size() == 2 * times - 1; }, 120s));
+    EXPECT_EQ(said().back().rfind("fault: the fit is computed by cpu", 0), 0u) << said().back();
+    ASSERT_TRUE(tests::eventually([&] { return faults.starts >= tried + 2; }, 120s)) << "nobody tries the device again";
+    EXPECT_EQ(said().size(), 2 * times - 1) << "a device that is tried in vain is no news";
+    // It comes back.
+    faults.runs_left = -1;
+    faults.at_start = DeviceError::none;
+    ASSERT_TRUE(tests::eventually([&] { return backend().name == "device emulated"; }, 120s));
+    ASSERT_TRUE(frames_go_on());
+    EXPECT_EQ(backend().problem, "");
+    EXPECT_EQ(backend().changes, 2 * times);
+    ASSERT_TRUE(tests::eventually([&] { return said().size() == 2 * times; }, 120s));
+    EXPECT_EQ(said().back(), "state: the fit is computed by device emulated");
+  }
   controller->shutdown("test");
   const std::string log = ::testing::internal::GetCapturedStderr();
   EXPECT_NE(log.find("the fit is computed by cpu"), std::string::npos) << log;
@@ -99,6 +124,8 @@ TEST_F(DeviceBooth, StartsOnTheCpuWhereTheDeviceHasNoMemory) {
   EXPECT_EQ(backend().name.substr(0, 3), "cpu");
   EXPECT_NE(backend().problem.find("out of device memory"), std::string::npos) << backend().problem;
   EXPECT_EQ(backend().losses, 0u);
+  ASSERT_TRUE(tests::eventually([&] { return !said().empty(); }, 120s));
+  EXPECT_EQ(said().front().rfind("fault: the fit is computed by cpu", 0), 0u) << said().front();
 }
 
 TEST_F(DeviceBooth, CountsTheDevicesMemoryInThePlan) {

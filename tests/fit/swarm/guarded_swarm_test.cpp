@@ -69,7 +69,9 @@ TEST(GuardedSwarm, UsesTheDeviceFromTheFirstFrameOn) {
 }
 
 TEST(GuardedSwarm, TheCpuTakesOverInTheFrameThatLosesTheDevice) {
-  for (const device::DeviceError error : {device::DeviceError::lost, device::DeviceError::late}) {
+  // The driver is reset; it hangs; the device is removed; it has no memory.
+  using device::DeviceError;
+  for (const DeviceError error : {DeviceError::lost, DeviceError::late, DeviceError::absent, DeviceError::out_of_memory}) {
     Scene scene({.first_wait = 1h, .longest_wait = 1h});
     EXPECT_TRUE(scene.step());
     scene.faults.error = error;
@@ -79,7 +81,7 @@ TEST(GuardedSwarm, TheCpuTakesOverInTheFrameThatLosesTheDevice) {
     EXPECT_FALSE(r.used);
     EXPECT_EQ(r.losses, 1u);
     EXPECT_EQ(r.changes, 1u);
-    EXPECT_NE(r.problem, "");
+    EXPECT_NE(r.problem.find(to_string(error)), std::string::npos) << r.problem;
     EXPECT_EQ(r.name.substr(0, 3), "cpu");
     // What it answers is the CPU's own answer.
     const float cost = scene.result.cost;
@@ -109,6 +111,17 @@ TEST(GuardedSwarm, TriesALostDeviceAgainAndUsesItWhenItIsBack) {
   EXPECT_TRUE(r.used);
   EXPECT_EQ(r.changes, 2u);
   EXPECT_GE(scene.faults.starts, 2);
+}
+
+// A camera's decoder loses the device and resets it: the swarm's memory went with the reset.
+TEST(GuardedSwarm, NoticesThatSomebodyElseResetTheDevice) {
+  Scene scene({.first_wait = 1h, .longest_wait = 1h});
+  EXPECT_TRUE(scene.step());
+  scene.faults.gate.lose(0);
+  const auto another = device::make_emulated_device(scene.faults);
+  EXPECT_TRUE(scene.step());
+  EXPECT_EQ(scene.swarm->report().losses, 1u);
+  EXPECT_FALSE(scene.swarm->report().used);
 }
 
 TEST(GuardedSwarm, StartsOnTheCpuWhereTheDeviceHasNoMemory) {

@@ -8,3 +8,10 @@
 #else
 #define BOOTH_HOST_DEVICE inline
 #endif
+
+// The same for long functions, where the host's compiler is to choose what it puts into its callers.
+#if defined(__CUDACC__)
+#define BOOTH_HOST_DEVICE_LONG __host__ __device__ __forceinline__
+#else
+#define BOOTH_HOST_DEVICE_LONG inline
+#endif

@@ -4,9 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "fit/host_device.hpp"
+#include "gpu/host_device.hpp"
 
-namespace booth::fit::device {
+namespace booth::gpu {
 
 /// Who is running: thread `thread` of K::kThreads in block `block` of `blocks`.
 ///
@@ -60,4 +60,4 @@ void emulate(const K& kernel, int blocks, typename K::Shared& shared, typename K
   }
 }
 
-}  // namespace booth::fit::device
+}  // namespace booth::gpu
