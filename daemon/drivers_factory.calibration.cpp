@@ -10,6 +10,7 @@
 
 #include "drivers/clock/system_clock.hpp"
 #include "drivers/pacing/punctual_camera.hpp"
+#include "drivers/recording/calibration_checksum.hpp"
 #include "drivers/recording/calibration_file.hpp"
 #include "drivers/recording/png16.hpp"
 #include "drivers/synthetic/board_source.hpp"
@@ -27,6 +28,8 @@ hal::DepthCameras punctual_cameras(hal::DepthCameras cameras, const std::vector<
   for (std::size_t c = 0; c < cameras.size(); ++c) cameras[c] = drivers::punctual(std::move(cameras[c]), hal::from_seconds(late.at(c)));
   return cameras;
 }
+
+std::string with_checksum(const std::string& text) { return drivers::with_checksum(text); }
 
 std::string camera_table(const hal::CameraDescription& camera, const std::string& folder) { return drivers::camera_table_text(camera, folder); }
 

@@ -21,6 +21,8 @@ std::vector<hal::CameraDescription> read_cameras(const std::filesystem::path& fi
 std::vector<double> read_time_offsets(const std::filesystem::path& file);
 /// The same cameras with so many seconds taken off their time stamps; `late` has one for each.
 hal::DepthCameras punctual_cameras(hal::DepthCameras cameras, const std::vector<double>& late);
+/// A calibration with the line that says what its other bytes sum up to; one that was there is replaced.
+std::string with_checksum(const std::string& text);
 /// One [[camera]] table; keys may be appended. `folder` empty: none is named.
 std::string camera_table(const hal::CameraDescription& camera, const std::string& folder = {});
 

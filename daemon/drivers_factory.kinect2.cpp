@@ -58,9 +58,14 @@ std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus) {
     return std::runtime_error("cameras.kinect2.serials is empty: name the sensors in the order of their positions (" + found_serials(bus) + ")");
   };
   if (!calibrated && kinect.serials.empty()) throw nobody_named();
-  std::vector<std::string> warnings;
-  const auto places = calibrated ? drivers::read_calibration(kinect.calibration, &warnings) : drivers::camera_ring(static_cast<int>(kinect.serials.size()));
-  for (const auto& warning : warnings) log_message(LogLevel::warning, Message::newer_file, warning);
+  drivers::CalibrationNotes said;
+  const auto places = calibrated ? drivers::read_calibration(kinect.calibration, &said) : drivers::camera_ring(static_cast<int>(kinect.serials.size()));
+  for (const auto& warning : said.newer) log_message(LogLevel::warning, Message::newer_file, warning);
+  if (calibrated && !said.checksum)
+    log_line(LogLevel::info,
+             kinect.calibration +
+                 " has no checksum: it was edited, or an older boothd wrote it. A byte that changes in it is not noticed; when it is as it should be, "
+                 "boothctl calibrate --confirm gives it one");
   if (kinect.serials.empty() && std::any_of(places.begin(), places.end(), [](const auto& p) { return p.serial.empty(); })) throw nobody_named();
   if (!calibrated)
     log_line(LogLevel::warning, fmt::format("{}the cameras are taken to stand at the corners of the default booth: calibrate them (boothctl calibrate)",

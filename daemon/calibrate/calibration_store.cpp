@@ -2,14 +2,15 @@
 #include "daemon/calibrate/calibration_store.hpp"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cmath>
+#include <ctime>
 #include <stdexcept>
-#define TOML_ENABLE_FORMATTERS 0
-#include <toml++/toml.h>
 
 #include "daemon/calibrate/view_collector.hpp"
+#include "daemon/config/toml_document.hpp"
 #include "daemon/config/toml_text.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
 #include "daemon/io/atomic_file.hpp"
@@ -22,18 +23,21 @@ namespace fs = std::filesystem;
 constexpr std::size_t kKept = 10;
 constexpr std::size_t kLargest = 1u << 20;  // bytes of a calibration
 
-/// What the backup of a file is called by: its own time where it has one, else the time it was written.
+/// What the backup of a file is called by: its own time where it has one that can be trusted, else the time it was written; 20261128T090000Z.
 std::string time_of(const fs::path& file) {
   try {
-    const toml::table root = toml::parse_file(file.string());
-    if (const auto utc = root["calibration"]["utc"].value<std::string>(); utc && utc->size() == 20) {
-      std::string out = *utc;
-      std::erase_if(out, [](char c) { return !std::isalnum(static_cast<unsigned char>(c)); });
-      return out;
+    if (std::string utc = load_calibration(file).utc; utc.size() == 20) {
+      std::erase_if(utc, [](char c) { return !std::isalnum(static_cast<unsigned char>(c)); });
+      return utc;
     }
-  } catch (const toml::parse_error&) {
+  } catch (const std::exception&) {
+    // Damaged: what it says of its time may be, too.
   }
-  return fmt::format("{}", fs::last_write_time(file).time_since_epoch().count());
+  struct stat status {};
+  std::tm utc{};
+  char out[32] = "unknown";
+  if (::stat(file.c_str(), &status) == 0 && ::gmtime_r(&status.st_mtime, &utc) != nullptr) std::strftime(out, sizeof out, "%Y%m%dT%H%M%SZ", &utc);
+  return out;
 }
 
 /// Those before it, the oldest first.
@@ -124,7 +128,12 @@ void store_calibration(const fs::path& file, const CalibrationRecord& given) {
 
 void replace_calibration(const fs::path& file, const std::string& text) {
   keep_old(file);
-  write_file_atomically(file, text);
+  write_file_atomically(file, with_checksum(text));
+}
+
+void confirm_calibration(const fs::path& file) {
+  (void)load_calibration(file);
+  write_file_atomically(file, with_checksum(read_file_bytes(file, kLargest)));
 }
 
 fs::path restore_calibration(const fs::path& file) {
@@ -147,7 +156,7 @@ fs::path restore_calibration(const fs::path& file) {
 StoredCalibration load_calibration(const fs::path& file) {
   StoredCalibration out;
   out.cameras = read_cameras(file);
-  const toml::table root = toml::parse_file(file.string());
+  const toml::table root = parse_toml(read_file_bytes(file, kLargest), file.string());
   for (const auto& camera : out.cameras) {
     fit::calibrate::CalibratedCamera c;
     c.booth_from_camera = rigid_of(camera.camera_to_world);

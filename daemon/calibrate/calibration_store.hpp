@@ -28,8 +28,11 @@ std::string calibration_text(const CalibrationRecord& record);
 /// Replaces `file` in one step; what stood there is kept beside it as NAME.before-<its time>.toml, the last ten of those. Throws std::runtime_error.
 void store_calibration(const std::filesystem::path& file, const CalibrationRecord& record);
 
-/// The same with a text that was made otherwise.
+/// The same with a text that was made otherwise. What is written has a checksum, whether `text` has or not.
 void replace_calibration(const std::filesystem::path& file, const std::string& text);
+
+/// Gives a file that somebody has edited its checksum; the file must be one that can be read. Throws std::runtime_error.
+void confirm_calibration(const std::filesystem::path& file);
 
 /// Puts the newest of those that were kept and can be read in the file's place, which is kept as NAME.replaced.toml. Returns which. Throws std::runtime_error.
 std::filesystem::path restore_calibration(const std::filesystem::path& file);

@@ -8,10 +8,9 @@
 #include <iterator>
 #include <sstream>
 #include <stdexcept>
-#define TOML_ENABLE_FORMATTERS 0
-#include <toml++/toml.h>
 
 #include "daemon/calibrate/calibration_store.hpp"
+#include "daemon/config/toml_document.hpp"
 #include "daemon/config/toml_text.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
 
@@ -77,7 +76,7 @@ std::string provenance(const PersonRefinement& r, const RefinementOrigin& o) {
 
 toml::table parsed(const std::string& text, const fs::path& file) {
   try {
-    return toml::parse(text, file.string());
+    return parse_toml(text, file.string());
   } catch (const toml::parse_error& e) {
     throw std::runtime_error(fmt::format("{}: line {}: {}", file.string(), e.source().begin.line, e.description()));
   }
@@ -114,7 +113,7 @@ std::string refined_calibration_text(const fs::path& file, const PersonRefinemen
   for (const Edit& e : edits) text.replace(e.begin, e.end - e.begin, e.text);
   text += provenance(refinement, origin);
   (void)parsed(text, file);  // what is written can be read
-  return text;
+  return with_checksum(text);
 }
 
 void store_refined_calibration(const fs::path& file, const PersonRefinement& refinement, const RefinementOrigin& origin) {

@@ -2,7 +2,6 @@
 #include "daemon/config/load.hpp"
 
 #include <fmt/format.h>
-#include <toml++/toml.h>
 
 #include <algorithm>
 #include <cmath>
@@ -13,6 +12,7 @@
 #include <sstream>
 
 #include "daemon/config/keys.hpp"
+#include "daemon/config/toml_document.hpp"
 #include "hal/file_version.hpp"
 
 namespace booth::daemon {
@@ -169,7 +169,7 @@ struct Loader {
   void toml_text(const std::string& text, const std::string& name) {
     if (text.size() > kMaxFileBytes) return problem(name, "", fmt::format("is {} bytes long; a configuration has at most {}", text.size(), kMaxFileBytes));
     try {
-      toml::table root = toml::parse(text, name);
+      toml::table root = parse_toml(text, name);
       version(name, root);
       table("", name, root);
       newer = false;
@@ -189,7 +189,7 @@ struct Loader {
     const bool bare = is_text && !(raw.size() >= 2 && (raw.front() == '"' || raw.front() == '\'') && raw.back() == raw.front());
     if (bare) return value(*key, place, toml::value<std::string>(raw));
     try {
-      const toml::table parsed = toml::parse("value = " + raw);
+      const toml::table parsed = parse_toml("value = " + raw);
       const toml::node* node = parsed.get("value");
       if (!node || parsed.size() != 1) return problem(place, name, fmt::format("has no single value; allowed is {}", allowed_values(*key)));
       value(*key, place, *node);

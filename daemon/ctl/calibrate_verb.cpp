@@ -44,7 +44,7 @@ struct Options {
   double square_mm = 0;
   int views = 24;
   std::uint64_t seed = 1;
-  bool verify = false, restore = false, json = false, live_simulation = false;
+  bool verify = false, restore = false, confirm = false, json = false, live_simulation = false;
   std::string keep, socket;
   std::string from_person;
   bool dry_run = false;
@@ -361,13 +361,17 @@ void from_person(const Options& o) {
 }
 
 void run(const Options& o) {
-  const int tasks = !o.print.empty() + !o.from.empty() + !o.simulate.empty() + !o.from_person.empty() + o.restore;
-  if (tasks > 1) throw VerbFailure("--print, --from, --from-person, --simulate and --restore exclude each other", 64);
+  const int tasks = !o.print.empty() + !o.from.empty() + !o.simulate.empty() + !o.from_person.empty() + o.restore + o.confirm;
+  if (tasks > 1) throw VerbFailure("--print, --from, --from-person, --simulate, --restore and --confirm exclude each other", 64);
   if (o.dry_run && o.from_person.empty()) throw VerbFailure("--dry-run belongs to --from-person", 64);
   if (o.verify && o.from.empty()) throw VerbFailure("--verify needs the views to look at: --from DIR", 64);
   const bool own = o.live_simulation || !o.keep.empty() || !o.out.empty();
   if (tasks == 0 && (own || !calibrate_through_boothd(o.socket, o.json))) calibrate_live(o);
   if (o.restore) std::cout << fmt::format("{}: now what {} was\n", file_of(o).string(), restore_calibration(file_of(o)).filename().string());
+  if (o.confirm) {
+    confirm_calibration(file_of(o));
+    std::cout << file_of(o).string() << ": has the checksum of what stands in it\n";
+  }
   if (!o.print.empty()) print_board(o);
   if (!o.simulate.empty()) simulate(o);
   if (!o.from_person.empty()) from_person(o);
@@ -388,6 +392,7 @@ void add_calibrate_verb(CLI::App& app) {
   verb->add_flag("--dry-run", o->dry_run, "With --from-person: say what would be changed, and change nothing");
   verb->add_option("--out", o->out, "Calibration file to write or to verify; without it the configuration's cameras.kinect2.calibration");
   verb->add_flag("--verify", o->verify, "Only look whether the cameras still stand as the calibration says; one view is enough");
+  verb->add_flag("--confirm", o->confirm, "Give a file that was edited its checksum, once it is as it should be");
   verb->add_flag("--restore", o->restore, "Put the calibration before in the file's place, where the present one is damaged or wrong");
   verb->add_option("--by", o->by, "Who calibrates, for the record; without it the user's name");
   verb->add_option("--pictures", o->pictures, "Folder for a picture of each view, with the corners that were found");

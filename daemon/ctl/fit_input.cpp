@@ -1,7 +1,6 @@
 // Meshes are sampled, normals are believed only when they agree with each other, and everything that was changed is said.
 #include "daemon/ctl/fit_input.hpp"
 
-#include <toml++/toml.h>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -9,6 +8,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "daemon/config/toml_document.hpp"
 #include "daemon/io/file_bytes.hpp"
 #include "fit/cloud/scan_floor.hpp"
 
@@ -128,7 +128,7 @@ std::vector<Eigen::Vector3f> read_viewpoints(const std::filesystem::path& calibr
   const std::string text = read_file_bytes(calibration, kMostTextBytes);
   toml::table table;
   try {
-    table = toml::parse(std::string_view(text), calibration.string());
+    table = parse_toml(text, calibration.string());
   } catch (const toml::parse_error& e) {
     throw std::runtime_error(calibration.string() + ":" + std::to_string(e.source().begin.line) + ": " + std::string(e.description()));
   }

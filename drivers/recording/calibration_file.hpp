@@ -13,9 +13,15 @@ namespace booth::drivers {
 /// What this program writes as a file's `version`; a file without one is of version 1.
 inline constexpr std::int64_t kCalibrationVersion = 1;
 
-/// The [[camera]] tables in their order. Throws std::runtime_error naming file, line and key. Of a file of the next version what is not known is passed over,
-/// and a sentence about that is appended to `warnings`.
-std::vector<hal::CameraDescription> read_calibration(const std::filesystem::path& file, std::vector<std::string>* warnings = nullptr);
+/// What a reader may want to know of a file besides its cameras.
+struct CalibrationNotes {
+  std::vector<std::string> newer;  ///< sentences about a file of the next version, of which things are passed over
+  bool checksum = false;           ///< it has one, which is right; a file without was edited, or written by an older program
+};
+
+/// The [[camera]] tables in their order. Throws std::runtime_error naming file, line and key; also where the file has a checksum and was changed since.
+/// Of a file of the next version what is not known is passed over.
+std::vector<hal::CameraDescription> read_calibration(const std::filesystem::path& file, CalibrationNotes* notes = nullptr);
 
 /// `time_offset_ms` of each table, in seconds: by how much the camera's time stamps lie behind its exposures; 0 where it is not said. Throws the same.
 std::vector<double> read_time_offsets(const std::filesystem::path& file);

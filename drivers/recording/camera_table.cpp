@@ -1,8 +1,11 @@
 // Reading the tables, and what any of them must hold.
 #include "drivers/recording/camera_table.hpp"
 
+#include <fstream>
+#include <iterator>
 #include <stdexcept>
 
+#include "drivers/recording/calibration_checksum.hpp"
 #include "drivers/recording/calibration_file.hpp"
 #include "drivers/recording/layouts.hpp"
 #include "hal/file_version.hpp"
@@ -87,7 +90,40 @@ hal::CameraDescription CameraTable::description() const {
 
 namespace {
 
-void check_version(const std::filesystem::path& file, const toml::table& root, std::vector<std::string>* warnings) {
+constexpr std::uintmax_t kMaxBytes = 4 << 20;
+
+std::string read_whole(const std::filesystem::path& file) {
+  std::error_code error;
+  // Not a pipe, which would be waited for.
+  const bool regular = std::filesystem::is_regular_file(file, error);
+  if (regular && std::filesystem::file_size(file, error) > kMaxBytes && !error)
+    fail(file, "is larger than " + std::to_string(kMaxBytes) + " bytes, and no calibration");
+  std::ifstream in;
+  if (regular) in.open(file, std::ios::binary);
+  if (!in.is_open()) fail(file, "cannot be read: is it there, and may you read it?");
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  if (in.bad()) fail(file, "cannot be read to its end");
+  return text;
+}
+
+void look_at_checksum(const std::filesystem::path& file, const toml::table& root, const std::string& text, CalibrationNotes* notes) {
+  const toml::node* node = root.get("checksum");
+  if (notes != nullptr) notes->checksum = node != nullptr;
+  if (node == nullptr) return;
+  const auto line = "line " + std::to_string(node->source().begin.line) + ": ";
+  switch (check_checksum(text)) {
+    case ChecksumVerdict::right:
+      return;
+    case ChecksumVerdict::broken:
+      fail(file, line + "checksum is not as this program writes it; who edits the file takes the line out");
+    case ChecksumVerdict::wrong:
+      fail(file, line +
+                     "the checksum is that of other bytes: the file is damaged, or was edited. Put back the one before (boothctl calibrate --restore), or, "
+                     "after an edit, take the line out");
+  }
+}
+
+void check_version(const std::filesystem::path& file, const toml::table& root, CalibrationNotes* notes) {
   const toml::node* node = root.get("version");
   if (node == nullptr) return;
   const auto found = node->value_exact<std::int64_t>();
@@ -95,19 +131,20 @@ void check_version(const std::filesystem::path& file, const toml::table& root, s
   if (!found) fail(file, line + "version must be a whole number");
   const auto verdict = hal::judge_file_version(*found, kCalibrationVersion);
   if (verdict == hal::FileVersion::unreadable) fail(file, line + hal::file_version_complaint(*found, kCalibrationVersion));
-  if (verdict == hal::FileVersion::newer && warnings != nullptr)
-    warnings->push_back(file.string() + ": " + hal::file_version_complaint(*found, kCalibrationVersion));
+  if (verdict == hal::FileVersion::newer && notes != nullptr)
+    notes->newer.push_back(file.string() + ": " + hal::file_version_complaint(*found, kCalibrationVersion));
 }
 
 }  // namespace
 
-toml::table parse_calibration(const std::filesystem::path& file, std::vector<std::string>* warnings) {
+toml::table parse_calibration(const std::filesystem::path& file, CalibrationNotes* notes) {
+  const std::string text = read_whole(file);
   try {
-    toml::table root = toml::parse_file(file.string());
-    check_version(file, root, warnings);
+    toml::table root = parse_toml(text, file.string());
+    check_version(file, root, notes);
+    look_at_checksum(file, root, text, notes);
     return root;
   } catch (const toml::parse_error& e) {
-    if (e.source().begin.line == 0) fail(file, "cannot be read: is it there, and may you read it?");
     fail(file, "line " + std::to_string(e.source().begin.line) + ": " + std::string(e.description()));
   }
 }
@@ -135,8 +172,8 @@ std::vector<hal::CameraDescription> descriptions(const std::filesystem::path& fi
 
 }  // namespace
 
-std::vector<hal::CameraDescription> read_calibration(const std::filesystem::path& file, std::vector<std::string>* warnings) {
-  return descriptions(file, parse_calibration(file, warnings));
+std::vector<hal::CameraDescription> read_calibration(const std::filesystem::path& file, CalibrationNotes* notes) {
+  return descriptions(file, parse_calibration(file, notes));
 }
 
 std::vector<double> read_time_offsets(const std::filesystem::path& file) {
@@ -153,8 +190,9 @@ std::vector<double> read_time_offsets(const std::filesystem::path& file) {
 
 std::vector<hal::CameraDescription> parse_calibration_text(const std::string& text, const std::filesystem::path& name) {
   try {
-    const toml::table root = toml::parse(text, name.string());
+    const toml::table root = parse_toml(text, name.string());
     check_version(name, root, nullptr);
+    look_at_checksum(name, root, text, nullptr);
     return descriptions(name, root);
   } catch (const toml::parse_error& e) {
     fail(name, "line " + std::to_string(e.source().begin.line) + ": " + std::string(e.description()));

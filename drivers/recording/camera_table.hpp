@@ -5,9 +5,8 @@
 #include <string>
 #include <vector>
 
-#define TOML_ENABLE_FORMATTERS 0
-#include <toml++/toml.h>
-
+#include "drivers/recording/calibration_file.hpp"
+#include "drivers/recording/toml_document.hpp"
 #include "hal/depth_frame.hpp"
 
 namespace booth::drivers {
@@ -34,8 +33,8 @@ class CameraTable {
   std::size_t index_;
 };
 
-/// A whole file, its version looked at as read_calibration() does.
-toml::table parse_calibration(const std::filesystem::path& file, std::vector<std::string>* warnings = nullptr);
+/// A whole file, its version and its checksum looked at as read_calibration() does.
+toml::table parse_calibration(const std::filesystem::path& file, CalibrationNotes* notes = nullptr);
 std::vector<CameraTable> camera_tables(const std::filesystem::path& file, const toml::table& root);
 
 }  // namespace booth::drivers

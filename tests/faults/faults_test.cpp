@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <fstream>
 #include <sstream>
 
@@ -41,6 +42,16 @@ TEST(Unit, StartsAgainWhatFailsAndNotWhatEndedOrCannotBeMended) {
     EXPECT_TRUE(eventually([&] { return again ? unit.state().starts >= 3 : unit.state().failed; }, 30s)) << script;
     EXPECT_TRUE(again || unit.state().starts == 1) << script;
   }
+}
+
+TEST(Unit, WatchesNothingThatWasToldToStop) {
+  if (::system("command -v systemd-notify >/dev/null 2>&1") != 0) GTEST_SKIP() << "skipped: systemd-notify is not installed";
+  const TemporaryFolder folder;
+  Unit unit({"/bin/sh", "-c", "trap 'sleep 6; exit 0' TERM; systemd-notify --ready; while :; do sleep 0.1; done"}, folder.path, {.watchdog = 4s});
+  unit.start();
+  ASSERT_TRUE(unit.wait_ready(0, 60s));
+  EXPECT_TRUE(unit.stop(60s)) << "wait status " << unit.state().last_status;
+  EXPECT_EQ(unit.state().watchdogs, 0u);
 }
 
 TEST(Ledger, NoticesWhatWasLost) {

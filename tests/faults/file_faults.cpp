@@ -9,6 +9,7 @@
 #include "daemon/io/npz.hpp"
 #include "daemon/record/session_files.hpp"
 #include "daemon/record/session_reader.hpp"
+#include "drivers/recording/calibration_checksum.hpp"
 #include "drivers/recording/calibration_file.hpp"
 #include "drivers/synthetic/scene.hpp"
 #include "tests/daemon/support/fake_booth.hpp"
@@ -127,14 +128,16 @@ FaultRow model_changed(FaultPlan& plan) {
 
 FaultRow calibration_changed(FaultPlan& plan) {
   FaultRow row{.fault = "a byte of the calibration changed, region by region",
-               .expected = "refused with file and line, or another valid calibration: a digit that became another digit is not noticed"};
+               .expected = "refused with file and line; taken only where the byte belongs to the checksum's own line, with the very cameras"};
   const fs::path file = plan.folder / "calibration.toml";
   const auto cameras = drivers::camera_ring(4);
-  // 0: taken, 1: refused with the file's name, 2: refused without it; anything else is a crash.
+  drivers::write_calibration(file, cameras);
+  const std::string sound = drivers::with_checksum(read_text(file));
+  // 0: taken, 1: refused with the file's name, 2: refused without it, 3: other cameras; anything else is a crash.
   const auto read = [&] {
     return run_apart([&] {
              try {
-               return drivers::read_calibration(file).empty() ? 3 : 0;
+               return drivers::calibration_text(drivers::read_calibration(file)) == drivers::calibration_text(cameras) ? 0 : 3;
              } catch (const std::exception& e) {
                return std::string(e.what()).find(file.filename().string()) == std::string::npos ? 2 : 1;
              }
@@ -143,7 +146,7 @@ FaultRow calibration_changed(FaultPlan& plan) {
   };
   std::ofstream(file) << "nonsense";
   if (read() != 1) row.wrong.push_back("nonsense is taken for a calibration");
-  drivers::write_calibration(file, cameras);
+  std::ofstream(file) << sound;
   if (read() != 0) row.wrong.push_back("a sound calibration is not read");
   Judged judged;
   with_each_region_changed(file, plan.regions, plan.random, [&](std::size_t at) {
@@ -154,7 +157,8 @@ FaultRow calibration_changed(FaultPlan& plan) {
     else if (status == 1)
       ++judged.refused;
     else
-      row.wrong.push_back(fmt::format("byte {}: reading the calibration ends with {}", at, status));
+      row.wrong.push_back(
+          fmt::format("byte {}: {}", at, status == 3 ? "other cameras are taken" : fmt::format("reading the calibration ends with {}", status)));
   });
   row.seen = judged.text();
   return row;

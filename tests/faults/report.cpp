@@ -12,7 +12,7 @@ std::string seconds(double value) { return value < 0 ? "-" : fmt::format("{:.1f}
 
 std::string verdict(const FaultRow& row) {
   if (!row.skipped.empty()) return "skipped: " + row.skipped;
-  if (!row.wrong.empty()) return fmt::format("**{} wrong**: {}", row.wrong.size(), row.wrong.front());
+  if (!row.wrong.empty()) return fmt::format("**{} wrong**: {}", row.wrong.size(), row.wrong.front().substr(0, row.wrong.front().find('\n')));
   if (!as_expected(row, true)) return "**too late**";
   return row.seen.empty() ? "as expected" : row.seen;
 }

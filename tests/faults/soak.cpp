@@ -53,7 +53,7 @@ class Soak {
     if (plan_.no_faults && verdict_.starts != 1) wrong(fmt::format("boothd was started {} times although nothing was done to it", verdict_.starts));
     verdict_.seconds = elapsed();
     judge();
-    if (!booth_.unit().stop()) wrong("boothd does not end with status 0 when it is told to");
+    stop();
     return verdict_;
   }
 
@@ -92,6 +92,13 @@ class Soak {
     booth_.ledger = {};
   }
 
+  void stop() {
+    if (booth_.unit().stop()) return;
+    const std::string log = booth_.unit().log();
+    wrong(fmt::format("boothd does not end with status 0 when it is told to (wait status {:#x}); its last words: {}", booth_.unit().state().last_status,
+                      log.substr(log.size() - std::min<std::size_t>(log.size(), 2000))));
+  }
+
   void fault() {
     const char* const kinds[] = {"kill -9", "kill -STOP", "processor taken for 3 s", "stop and start"};
     const auto kind = std::uniform_int_distribution<std::size_t>(0, 3)(random_);
@@ -114,7 +121,7 @@ class Soak {
         again = false;
         break;
       default:
-        if (!booth_.unit().stop()) wrong("boothd does not end with status 0 when it is told to");
+        stop();
         booth_.unit().start();
     }
     if (again) {

@@ -149,7 +149,8 @@ void Unit::take_end() {
 }
 
 void Unit::mind_watchdog() {
-  if (state_.pid < 0 || !state_.ready) return;
+  // systemd looks at the watchdog of a service that runs only; one that was told to stop has TimeoutStopSec for it.
+  if (state_.pid < 0 || !state_.ready || !wanted_) return;
   const auto now = Clock::now();
   if (abort_at_ == Clock::time_point{} && now - last_ping_ > rules_.watchdog) {
     ++state_.watchdogs;

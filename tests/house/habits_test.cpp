@@ -6,6 +6,8 @@
 #include <fstream>
 #include <iterator>
 #include <sstream>
+#include <string>
+#include <vector>
 
 #include "tests/house/command.hpp"
 #include "tests/house/dependency_rule.hpp"
@@ -84,6 +86,14 @@ TEST(Habits, LinksBetweenPagesLeadSomewhere) {
     for (const std::string& target : links_of({std::istreambuf_iterator<char>(in), {}}))
       EXPECT_TRUE(std::filesystem::exists(page.parent_path() / target)) << page << " links to " << target;
   }
+}
+
+/// toml++ 3.3 cannot stand every text; hal/toml_shape.hpp keeps those from it.
+TEST(Habits, TomlIsParsedInOnePlaceOfEachRoom) {
+  std::vector<std::string> places;
+  for (const auto& [path, contents] : read_sources(kRoot, {"hal", "fit", "drivers", "daemon"}))
+    if (contents.find("toml::parse(") != std::string::npos || contents.find("toml::parse_file") != std::string::npos) places.push_back(path);
+  EXPECT_EQ(places, (std::vector<std::string>{"daemon/config/toml_document.hpp", "drivers/recording/toml_document.hpp"}));
 }
 
 TEST(Habits, NothingNamesTheWorkplaceItWasMadeIn) {

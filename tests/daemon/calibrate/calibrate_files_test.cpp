@@ -1,8 +1,10 @@
 // The board's page, the folder of views, the stored calibration and the flow of a capture.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -19,6 +21,7 @@
 #include "daemon/io/atomic_file.hpp"
 #include "daemon/io/file_bytes.hpp"
 #include "daemon/pipeline/estimator_fitter.hpp"
+#include "tests/support/complaint.hpp"
 
 namespace booth::tests {
 namespace {
@@ -160,6 +163,80 @@ TEST(CalibrationStore, ADamagedOneIsReplacedByTheNewestThatCanBeRead) {
   EXPECT_EQ(restore_calibration(file).filename(), "calibration.before-20261128T090000Z.toml");
   EXPECT_EQ(load_calibration(file).utc, "2026-11-28T09:00:00Z");
   EXPECT_EQ(read_file_bytes(scratch.path / "calibration.replaced.toml", 1u << 20), "half a fi");
+}
+
+TEST(CalibrationStore, WhatIsDamagedAndHasNoTimeIsKeptUnderTheTimeOfItsFile) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  store_calibration(file, record());
+  std::string text = read_file_bytes(file, 1u << 20);
+  text.replace(text.find("2026-11-28T"), 4, "9999");  // it has a time, which is not to be trusted
+  for (const std::string& damaged : {std::string("half a fi"), text}) {
+    write_file_atomically(file, damaged);
+    const timespec when[2] = {{1'790'000'000, 0}, {1'790'000'000, 0}};
+    ASSERT_EQ(::utimensat(AT_FDCWD, file.c_str(), when, 0), 0);
+    store_calibration(file, record());
+    EXPECT_EQ(read_file_bytes(scratch.path / "calibration.before-20260921T141320Z.toml", 1u << 20), damaged);
+    EXPECT_EQ(std::distance(fs::directory_iterator(scratch.path), fs::directory_iterator()), 2);
+  }
+}
+
+bool same_numbers(const std::vector<hal::CameraDescription>& a, const std::vector<hal::CameraDescription>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& x, const auto& y) {
+    return x.name == y.name && x.serial == y.serial && x.camera_to_world.rotation == y.camera_to_world.rotation &&
+           x.camera_to_world.translation == y.camera_to_world.translation && x.depth_gain == y.depth_gain && x.depth_offset == y.depth_offset &&
+           x.depth_scale == y.depth_scale && x.intrinsics.width == y.intrinsics.width && x.intrinsics.height == y.intrinsics.height &&
+           x.intrinsics.fx == y.intrinsics.fx && x.intrinsics.fy == y.intrinsics.fy && x.intrinsics.cx == y.intrinsics.cx &&
+           x.intrinsics.cy == y.intrinsics.cy && x.intrinsics.distortion == y.intrinsics.distortion;
+  });
+}
+
+TEST(CalibrationStore, NoByteChangesWithoutNotice) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  CalibrationRecord r = record();
+  r.late = {0.001, 0, 0, 0.0025};
+  store_calibration(file, r);
+  const auto cameras = read_cameras(file);
+  const auto late = read_time_offsets(file);
+  const std::string sound = read_file_bytes(file, 1u << 20);
+  int refused = 0, taken = 0;
+  for (std::size_t at = 0; at < sound.size(); ++at)
+    for (const unsigned change : {1u, 2u, 0x20u, 0xFFu}) {  // a digit becomes another one, a letter changes its case, a byte becomes none of ASCII
+      std::string changed = sound;
+      changed[at] = static_cast<char>(static_cast<unsigned char>(changed[at]) ^ change);
+      fs::remove(file);  // a file that is overwritten in place is brought to the disk each time
+      std::ofstream(file, std::ios::binary) << changed;
+      try {
+        EXPECT_TRUE(same_numbers(read_cameras(file), cameras)) << "byte " << at << " ^ " << change;
+        EXPECT_EQ(read_time_offsets(file), late) << "byte " << at << " ^ " << change;
+        ++taken;
+      } catch (const std::runtime_error& e) {
+        EXPECT_THAT(e.what(), testing::HasSubstr("calibration.toml")) << "byte " << at << " ^ " << change;
+        ++refused;
+      }
+    }
+  // Taken is only what makes another key of the word itself, or a comment of its line: all other bytes are as they were then.
+  EXPECT_LE(taken, 4 * 12);
+  EXPECT_GT(refused, 4 * 1000);
+}
+
+TEST(CalibrationStore, WhoEditsItTakesTheChecksumOut) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  store_calibration(file, record());
+  std::string text = read_file_bytes(file, 1u << 20);
+  text.replace(text.find("by = \""), 6, "by = \"Eve and ");
+  write_file_atomically(file, text);
+  EXPECT_THAT(complaint([&] { load_calibration(file); }), testing::AllOf(testing::HasSubstr("is damaged, or was edited"), testing::HasSubstr("line 4")));
+  EXPECT_THAT(complaint([&] { confirm_calibration(file); }), testing::HasSubstr("is damaged, or was edited")) << "or damage would be made good";
+  const auto line = text.find("checksum = ");
+  text.erase(line, text.find('\n', line) + 1 - line);
+  write_file_atomically(file, text);
+  EXPECT_THAT(load_calibration(file).by, testing::StartsWith("Eve"));
+  confirm_calibration(file);
+  EXPECT_THAT(load_calibration(file).by, testing::StartsWith("Eve"));
+  EXPECT_THAT(read_file_bytes(file, 1u << 20), testing::HasSubstr("checksum = \"crc64:"));
 }
 
 /// At true depth z a camera reads (1 + gain) z + offset: what the pipeline makes of a count is z again.

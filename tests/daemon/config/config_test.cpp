@@ -2,10 +2,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <sstream>
 
 #include "daemon/config/keys.hpp"
 #include "daemon/config/load.hpp"
+#include "drivers/synthetic/motions.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
 
 namespace booth::daemon {
@@ -138,6 +140,27 @@ TEST(Config, TheReferencePageIsTheTable) {
   print_config_reference(page);
   EXPECT_EQ(tests::read_text(BOOTH_SOURCE_DIR "/docs/reference/configuration.md"), page.str())
       << "run: boothctl config reference > docs/reference/configuration.md";
+}
+
+TEST(Config, KnowsTheMotionsThatTheSimulationHas) {
+  const ConfigKey* key = find_config_key("cameras.synthetic.motion");
+  ASSERT_NE(key, nullptr);
+  const auto names = drivers::motion_names();
+  EXPECT_TRUE(std::equal(key->choices.begin(), key->choices.end(), names.begin(), names.end()));
+}
+
+TEST(Config, WhatTheTomlLibraryCannotStandIsRefusedWithItsPlace) {
+  for (const auto& [text, place] : std::vector<std::pair<std::string, std::string>>{{"fit.th\xD0\x9D = 1\n", "x:1: not TOML: a character beyond ASCII"},
+                                                                                    {"[fit]\nseed = 1\xC2\xA0\n", "x:2: not TOML: a character beyond ASCII"},
+                                                                                    {"\n\n[#t]", "x:3: not TOML: a key is expected"}}) {
+    std::vector<std::string> problems;
+    load_settings({.file = {}, .assignments = {}, .files = ConfigSources::Files::none, .text = text, .text_name = "x"}, &problems);
+    ASSERT_EQ(problems.size(), 1u) << text;
+    EXPECT_THAT(problems[0], ::testing::StartsWith(place)) << text;
+  }
+  std::vector<std::string> problems;
+  load_settings({.file = {}, .assignments = {"fit.seed=1\xC2\xA0"}, .files = ConfigSources::Files::none}, &problems);
+  EXPECT_THAT(problems, ::testing::ElementsAre(::testing::HasSubstr("is not a value")));
 }
 
 }  // namespace

@@ -130,7 +130,10 @@ TEST(State, AConfigurationTwoVersionsAwayIsRefused) {
 
 std::vector<hal::CameraDescription> calibration_from(const std::string& text, std::vector<std::string>& warnings) {
   const TemporaryFolder folder;
-  return drivers::read_calibration(folder.write("calibration.toml", text), &warnings);
+  drivers::CalibrationNotes notes;
+  auto cameras = drivers::read_calibration(folder.write("calibration.toml", text), &notes);
+  warnings = notes.newer;
+  return cameras;
 }
 
 TEST(State, CalibrationOfVersion1IsRead) {

@@ -84,7 +84,19 @@ begin_session() {
   ctl start >/dev/null || fail "cut $cut: a session is refused"
   within 60 eval '[ "$(state_now)" = '"$1"' ]' || { cat boothd.out; fail "cut $cut: boothd does not become $1"; }
 }
-running() { acknowledge running "$(basename "$(status | grep -o '"session_folder":"[^"]*"' | cut -d'"' -f4)")" "$(status | grep -o '"frames":[0-9]*' | head -1 | cut -d: -f2)"; }
+# One answer of boothd: on a busy host the guest may stand still for longer than boothctl waits, and an answer that was not given acknowledges nothing.
+running() {
+  local said id frames
+  for _ in $(seq 50); do
+    said=$(status 2>/dev/null) || said=
+    id=$(basename "$(echo "$said" | grep -o '"session_folder":"[^"]*"' | head -1 | cut -d'"' -f4)")
+    frames=$(echo "$said" | grep -o '"frames":[0-9]*' | head -1 | cut -d: -f2)
+    [ -n "$id" ] && [ -n "$frames" ] && { acknowledge running "$id" "$frames"; return; }
+    sleep 0.2
+  done
+  cat boothd.out
+  fail "cut $cut: boothd does not say which session runs"
+}
 case $state in
   idle)
     begin_session tracking
