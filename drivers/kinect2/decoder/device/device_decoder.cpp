@@ -97,7 +97,7 @@ class OnDevice final : public DeviceDecoder {
 
   const char* name() const override { return name_.c_str(); }
   std::span<const float> depth_millimetres() const override { return {host_.millimetres, host_.millimetres ? kPixels : 0}; }
-  const char* problem() const override { return error_ == DeviceError::none ? "" : to_string(error_); }
+  const char* problem() const override { return error_ == DeviceError::none ? "" : gpu::to_string(error_); }
   gpu::DeviceBytes device_bytes() const override { return bytes_; }
   device::Device& device() override { return *device_; }
   int program() const override { return program_; }
