@@ -217,7 +217,7 @@ hal::ReadStatus KinectCamera::read(hal::DepthFrame& slot, hal::Nanoseconds timeo
       if (!streaming_) return hal::ReadStatus::ended;
       const auto left = end - std::chrono::steady_clock::now();
       const bool woken = changed_.wait_for(lock, std::clamp<hal::Nanoseconds>(left, 0ns, kLook), [this] { return full_ || ended_ || !streaming_; });
-      if (woken && !ended_) continue;
+      if (woken && (!ended_ || !streaming_)) continue;  // a stream that ended because of stop() is not lost
       if (full_) break;
       const auto status = without_frame();
       if (status != hal::ReadStatus::timeout || std::chrono::steady_clock::now() >= end) return status;
