@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "drivers/kinect2/calibration.hpp"
-#include "gpu/device_report.hpp"
+#include "fit/gpu/device_report.hpp"
 
 namespace booth::drivers::kinect2 {
 

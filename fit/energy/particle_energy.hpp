@@ -7,8 +7,8 @@
 #include "fit/cloud/field_view.hpp"
 #include "fit/energy/energy_view.hpp"
 #include "fit/energy/pose_steps.hpp"
+#include "fit/gpu/host_device.hpp"
 #include "fit/swarm/lanes.hpp"
-#include "gpu/host_device.hpp"
 
 namespace booth::fit {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "fit/energy/energy_view.hpp"
-#include "gpu/host_device.hpp"
+#include "fit/gpu/host_device.hpp"
 
 namespace booth::fit {
 

@@ -10,10 +10,10 @@
 #include "fit/cloud/cell_field.hpp"
 #include "fit/cloud/observation.hpp"
 #include "fit/energy/energy_pack.hpp"
+#include "fit/gpu/device.hpp"
 #include "fit/parallel.hpp"
 #include "fit/swarm/move.hpp"
 #include "fit/swarm/swarm_settings.hpp"
-#include "gpu/device.hpp"
 
 namespace booth::fit {
 

@@ -3,8 +3,8 @@
 
 #include <memory>
 
+#include "fit/gpu/standby.hpp"
 #include "fit/swarm/backend.hpp"
-#include "gpu/standby.hpp"
 
 namespace booth::fit {
 

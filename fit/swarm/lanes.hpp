@@ -3,9 +3,8 @@
 
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 
-#include "gpu/host_device.hpp"
+#include "fit/gpu/host_device.hpp"
 
 namespace booth::fit {
 
@@ -27,16 +26,8 @@ struct ScalarLanes {
   /// first, first + 1, ... lane by lane.
   BOOTH_HOST_DEVICE static U count_from(std::uint32_t first) { return first; }
 
-  BOOTH_HOST_DEVICE static I as_int(F x) {
-    I i;
-    memcpy(&i, &x, sizeof i);
-    return i;
-  }
-  BOOTH_HOST_DEVICE static F as_float(I i) {
-    F x;
-    memcpy(&x, &i, sizeof x);
-    return x;
-  }
+  BOOTH_HOST_DEVICE static I as_int(F x) { return gpu::bits_of(x); }
+  BOOTH_HOST_DEVICE static F as_float(I i) { return gpu::float_of(i); }
   BOOTH_HOST_DEVICE static F to_float(I i) { return static_cast<F>(i); }
   /// Towards zero; the value must fit.
   BOOTH_HOST_DEVICE static I truncate(F x) { return static_cast<I>(x); }

@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
+#include "fit/gpu/host_device.hpp"
 #include "fit/swarm/lanes.hpp"
-#include "gpu/host_device.hpp"
 
 namespace booth::fit {
 

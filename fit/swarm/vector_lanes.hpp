@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <cstring>
 
-#include "gpu/host_device.hpp"
+#include "fit/gpu/host_device.hpp"
 
 #if defined(__x86_64__)
 #include <immintrin.h>

@@ -15,7 +15,7 @@
 namespace booth::tests {
 namespace {
 
-const std::vector<std::string> kSourceFolders{"hal", "gpu", "fit", "drivers", "daemon", "tests"};
+const std::vector<std::string> kSourceFolders{"hal", "fit", "drivers", "daemon", "tests"};
 const std::filesystem::path kRoot = BOOTH_SOURCE_DIR;
 
 TEST(Habits, TopLevelHasWhatAVisitorLooksFor) {
@@ -25,7 +25,7 @@ TEST(Habits, TopLevelHasWhatAVisitorLooksFor) {
 }
 
 TEST(Habits, EachTopLevelFolderHasAReadme) {
-  for (const char* name : {"hal", "gpu", "drivers", "fit", "daemon", "systemd", "tests", "toolchain", "docs"})
+  for (const char* name : {"hal", "drivers", "fit", "daemon", "systemd", "tests", "toolchain", "docs"})
     EXPECT_TRUE(std::filesystem::exists(kRoot / name / "README.md")) << name;
 }
 
@@ -77,7 +77,7 @@ TEST(Habits, LinksBetweenPagesLeadSomewhere) {
   std::vector<std::filesystem::path> pages;
   for (const auto& entry : std::filesystem::directory_iterator(kRoot))
     if (entry.path().extension() == ".md") pages.push_back(entry.path());
-  for (const char* folder : {"hal", "gpu", "drivers", "fit", "daemon", "systemd", "tests", "toolchain", "docs"})
+  for (const char* folder : {"hal", "drivers", "fit", "daemon", "systemd", "tests", "toolchain", "docs"})
     for (const auto& entry : std::filesystem::recursive_directory_iterator(kRoot / folder))
       if (entry.path().extension() == ".md") pages.push_back(entry.path());
   EXPECT_GT(pages.size(), 10u);

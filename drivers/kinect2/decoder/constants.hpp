@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "gpu/host_device.hpp"
+#include "fit/gpu/host_device.hpp"
 
 namespace booth::drivers::kinect2 {
 

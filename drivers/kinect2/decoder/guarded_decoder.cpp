@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "drivers/kinect2/decoder/device/device_decoder.hpp"
-#include "gpu/standby.hpp"
+#include "fit/gpu/standby.hpp"
 
 namespace booth::drivers::kinect2 {
 namespace {

@@ -6,8 +6,8 @@
 #include <string>
 
 #include "drivers/kinect2/decoder.hpp"
-#include "gpu/device.hpp"
-#include "gpu/device_report.hpp"
+#include "fit/gpu/device.hpp"
+#include "fit/gpu/device_report.hpp"
 
 namespace booth::drivers::kinect2 {
 

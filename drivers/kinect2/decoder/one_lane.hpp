@@ -4,9 +4,8 @@
 #include <math.h>
 
 #include <cstdint>
-#include <cstring>
 
-#include "gpu/host_device.hpp"
+#include "fit/gpu/host_device.hpp"
 
 namespace booth::drivers::kinect2 {
 
@@ -37,16 +36,8 @@ struct OneLane {
     const F size = body < 1 << 23 ? from_bits(body + (113 << 23)) - from_bits(113 << 23) : from_bits(body + (112 << 23));
     return from_bits(bits(size) | sign);
   }
-  BOOTH_HOST_DEVICE static I bits(F a) {
-    I i;
-    memcpy(&i, &a, sizeof i);
-    return i;
-  }
-  BOOTH_HOST_DEVICE static F from_bits(I i) {
-    F a;
-    memcpy(&a, &i, sizeof a);
-    return a;
-  }
+  BOOTH_HOST_DEVICE static I bits(F a) { return gpu::bits_of(a); }
+  BOOTH_HOST_DEVICE static F from_bits(I i) { return gpu::float_of(i); }
   BOOTH_HOST_DEVICE static F number(I a) { return static_cast<F>(a); }
   BOOTH_HOST_DEVICE static I whole(F a) { return static_cast<I>(a); }
   BOOTH_HOST_DEVICE static F shift_exponent(F a, I by) {

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "gpu/host_device.hpp"
+#include "fit/gpu/host_device.hpp"
 
 namespace booth::drivers::kinect2 {
 

@@ -1,6 +1,6 @@
 // The swarm's kernels, compiled for CUDA devices.
 #include "fit/swarm/device/cuda_device.hpp"
-#include "gpu/cuda_device.cuh"
+#include "fit/gpu/cuda_device.cuh"
 
 namespace booth::fit::device {
 

@@ -3,9 +3,9 @@
 
 #include <variant>
 
+#include "fit/gpu/device.hpp"
 #include "fit/swarm/device/field_kernels.hpp"
 #include "fit/swarm/device/swarm_kernels.hpp"
-#include "gpu/device.hpp"
 
 namespace booth::fit::device {
 

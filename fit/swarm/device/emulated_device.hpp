@@ -3,8 +3,8 @@
 
 #include <memory>
 
+#include "fit/gpu/emulated_device.hpp"
 #include "fit/swarm/device/device.hpp"
-#include "gpu/emulated_device.hpp"
 
 namespace booth::fit::device {
 

@@ -7,9 +7,9 @@
 #include <cstdint>
 
 #include "fit/cloud/field_view.hpp"
+#include "fit/gpu/host_device.hpp"
+#include "fit/gpu/launch.hpp"
 #include "fit/swarm/device/point_kernels.hpp"
-#include "gpu/host_device.hpp"
-#include "gpu/launch.hpp"
 
 namespace booth::fit::device {
 

@@ -7,10 +7,10 @@
 
 #include "fit/energy/particle_energy.hpp"
 #include "fit/energy/pose_steps.hpp"
+#include "fit/gpu/host_device.hpp"
+#include "fit/gpu/launch.hpp"
 #include "fit/swarm/device/point_kernels.hpp"
 #include "fit/swarm/move.hpp"
-#include "gpu/host_device.hpp"
-#include "gpu/launch.hpp"
 
 namespace booth::fit::device {
 

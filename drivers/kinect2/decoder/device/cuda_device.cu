@@ -1,6 +1,6 @@
 // The decode's kernels, compiled for CUDA devices.
 #include "drivers/kinect2/decoder/device/device.hpp"
-#include "gpu/cuda_device.cuh"
+#include "fit/gpu/cuda_device.cuh"
 
 namespace booth::drivers::kinect2::device {
 

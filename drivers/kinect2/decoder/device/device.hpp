@@ -6,7 +6,7 @@
 #include <variant>
 
 #include "drivers/kinect2/decoder/device/kernels.hpp"
-#include "gpu/device.hpp"
+#include "fit/gpu/device.hpp"
 
 namespace booth::drivers::kinect2::device {
 

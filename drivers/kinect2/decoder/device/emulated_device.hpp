@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "drivers/kinect2/decoder/device/device.hpp"
-#include "gpu/emulated_device.hpp"
+#include "fit/gpu/emulated_device.hpp"
 
 namespace booth::drivers::kinect2::device {
 

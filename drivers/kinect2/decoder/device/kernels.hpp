@@ -7,7 +7,7 @@
 #include "drivers/kinect2/decoder/one_lane.hpp"
 #include "drivers/kinect2/decoder/phase_maths.hpp"
 #include "drivers/kinect2/layout.hpp"
-#include "gpu/launch.hpp"
+#include "fit/gpu/launch.hpp"
 
 namespace booth::drivers::kinect2::device {
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "gpu/emulated_device.hpp"
+#include "fit/gpu/emulated_device.hpp"
 
 namespace booth::gpu {
 namespace {

@@ -9,8 +9,8 @@
 #include <tuple>
 #include <vector>
 
-#include "gpu/device.hpp"
-#include "gpu/launch.hpp"
+#include "fit/gpu/device.hpp"
+#include "fit/gpu/launch.hpp"
 
 namespace booth::gpu {
 

@@ -1,5 +1,5 @@
 // The device while it works, a substitute otherwise: who computes, what is told, when it is tried again.
-#include "gpu/standby.hpp"
+#include "fit/gpu/standby.hpp"
 
 #include <gtest/gtest.h>
 

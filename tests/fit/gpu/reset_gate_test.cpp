@@ -1,5 +1,5 @@
 // Several users of one device: who lost it resets it once, the others find out, and nobody is reset in the middle of a call.
-#include "gpu/reset_gate.hpp"
+#include "fit/gpu/reset_gate.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,9 @@
 // Marks the functions that a graphics processor's compiler compiles a second time for the device, so that both sides share one source.
 #pragma once
 
+#include <cstdint>
+#include <cstring>
+
 #if defined(__CUDACC__)
 #define BOOTH_HOST_DEVICE __host__ __device__ __forceinline__
 #elif defined(__GNUC__)
@@ -15,3 +18,19 @@
 #else
 #define BOOTH_HOST_DEVICE_LONG inline
 #endif
+
+namespace booth::gpu {
+
+/// The bits of a float, and back: std::bit_cast, which not every device's compiler takes.
+BOOTH_HOST_DEVICE std::int32_t bits_of(float x) {
+  std::int32_t i;
+  memcpy(&i, &x, sizeof i);
+  return i;
+}
+BOOTH_HOST_DEVICE float float_of(std::int32_t i) {
+  float x;
+  memcpy(&x, &i, sizeof x);
+  return x;
+}
+
+}  // namespace booth::gpu

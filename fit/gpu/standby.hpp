@@ -12,7 +12,7 @@
 #include <thread>
 #include <utility>
 
-#include "gpu/device_report.hpp"
+#include "fit/gpu/device_report.hpp"
 
 namespace booth::gpu {
 

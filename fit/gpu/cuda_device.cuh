@@ -12,9 +12,9 @@
 #include <type_traits>
 #include <vector>
 
-#include "gpu/device.hpp"
-#include "gpu/launch.hpp"
-#include "gpu/reset_gate.hpp"
+#include "fit/gpu/device.hpp"
+#include "fit/gpu/launch.hpp"
+#include "fit/gpu/reset_gate.hpp"
 
 namespace booth::gpu {
 

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "gpu/host_device.hpp"
+#include "fit/gpu/host_device.hpp"
 
 namespace booth::gpu {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <variant>
 
-#include "gpu/reset_gate.hpp"
+#include "fit/gpu/reset_gate.hpp"
 
 namespace booth::gpu {
 
