@@ -7,6 +7,8 @@
 
 namespace booth::fit {
 
+/// (A device's kernels have another: fit/swarm/device/brick_view.hpp.)
+///
 /// A cell's word says where the point is that is (about) nearest to the cell's centre, relative to that: Z * 2^22 + Y * 2^11 + X, modulo 2^32, with X and Y
 /// in steps of 1/32 cell and Z in steps of 1/16, each up to 31 cells to either side. As that is linear, a word plus the word of a difference is the word of
 /// the sum, and each coordinate is read off by shifting the ones above it out: as a signed number of 32 bits it is the coordinate times 2^26 (y with a share

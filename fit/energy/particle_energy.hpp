@@ -4,7 +4,6 @@
 #include <cstdint>
 
 #include "fit/cloud/cell_view.hpp"
-#include "fit/cloud/field_view.hpp"
 #include "fit/energy/energy_view.hpp"
 #include "fit/energy/pose_steps.hpp"
 #include "fit/gpu/host_device.hpp"

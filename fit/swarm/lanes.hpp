@@ -8,8 +8,8 @@
 
 namespace booth::fit {
 
-/// The functions of fit/energy/particle_energy.hpp, fit/cloud/field_view.hpp and fit/swarm/move.hpp are templates over such a set: one lane here (and on a
-/// graphics processor), 4 to 16 in the CPU's kernels. Every operation is exact or rounds as IEEE 754 says, none crosses lanes, and fused multiply-add
+/// The functions of fit/energy/particle_energy.hpp, of the fields it asks and of fit/swarm/move.hpp are templates over such a set: one lane here (and on
+/// a graphics processor), 4 to 16 in the CPU's kernels. Every operation is exact or rounds as IEEE 754 says, none crosses lanes, and fused multiply-add
 /// is off but in multiply_add() of the vectors: whatever the set, a lane gets the same bits of all functions that do not use that. C++17 without the standard
 /// library's templates, for the device's compiler.
 struct ScalarLanes {

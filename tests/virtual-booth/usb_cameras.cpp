@@ -16,6 +16,7 @@
 #include "drivers/kinect2/kinect_camera.hpp"
 #include "drivers/kinect2/layout.hpp"
 #include "drivers/usb/libusb_bus.hpp"
+#include "tests/support/pause_witness.hpp"
 
 namespace {
 
@@ -150,38 +151,10 @@ long resident_kilobytes() {
   return 0;
 }
 
-/// Counts how often the whole guest stands still: a thread that only sleeps, and wakes far too late. Seen around unplugs, for 1 to 1.8 s: every thread of the
-/// guest stops, real-time ones and emulated sensors too, and nothing computes. Whatever a camera loses then is not its driver's doing.
-class Witness {
- public:
-  Witness() : thread_([this] { watch(); }) {}
-  ~Witness() {
-    stop_ = true;
-    thread_.join();
-  }
-  int stalls() const { return stalls_; }
-  double longest() const { return longest_; }
-
- private:
-  void watch() {
-    for (auto last = Clock::now(); !stop_;) {
-      std::this_thread::sleep_for(20ms);
-      const auto now = Clock::now();
-      const double late = std::chrono::duration<double>(now - last).count() - 0.02;
-      last = now;
-      stalls_ += late > 0.5;
-      longest_ = std::max(longest_.load(), late);
-    }
-  }
-  std::atomic<bool> stop_{false};
-  std::atomic<int> stalls_{0};
-  std::atomic<double> longest_{0};
-  std::thread thread_;
-};
-
+/// The whole guest stands still around unplugs, for 1 to 1.8 s, emulated sensors too. Whatever a camera loses then is not its driver's doing.
 void unplug() {
   Bench bench;
-  const Witness witness;
+  const tests::PauseWitness witness(20ms, 500ms);
   bench.plug(2, 6, 500us);  // in real time: two full streams would leave the guest's one processor no time
   const auto dying = bench.camera(0), well = bench.camera(1);
   std::atomic<bool> done{false};
@@ -229,7 +202,7 @@ void unplug() {
   std::printf("figure: 25 unplugs: %+d open files, %+ld kB; the other camera: %d frames, %llu dropped, %llu corrupt, %llu restarts\n", more_files, more_memory,
               well_frames.load(), static_cast<unsigned long long>(counters.dropped), static_cast<unsigned long long>(counters.corrupt),
               static_cast<unsigned long long>(counters.restarts));
-  const auto stalls = static_cast<std::uint64_t>(witness.stalls());
+  const auto stalls = static_cast<std::uint64_t>(witness.pauses());
   std::printf("figure: the guest as a whole stood still %llu times, at most for %.2f s\n", static_cast<unsigned long long>(stalls), witness.longest());
   // A stall can cost the frame that is on its way, and a start anew can cost another.
   if (counters.restarts > stalls || counters.corrupt > 2 * stalls)

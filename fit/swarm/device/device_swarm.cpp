@@ -40,7 +40,7 @@ class Swarm final : public DeviceSwarm {
   DeviceError error() const override { return error_; }
   Device& device() override { return *device_; }
   int program(int model, bool with_field) const override { return models_[static_cast<std::size_t>(model)].program[with_field ? 1 : 0]; }
-  const FieldView* field() const override { return field_.view; }
+  const BrickView* field() const override { return field_.view; }
   const EnergyView& energy(int model) const override { return models_[static_cast<std::size_t>(model)].view; }
   int dimensions(int model) const override { return packs_[static_cast<std::size_t>(model)].dimensions(); }
   const SwarmSettings& settings() const override { return sizes_.swarm; }
@@ -155,7 +155,7 @@ class Swarm final : public DeviceSwarm {
     f.edge = sizes_.field.cell * kBrick, f.fine = sizes_.field.fine, f.band = sizes_.field.band;
     f.input = take_pinned(1, field_input_), f.cloud = take_pinned(3 * points, cloud_);
     *field_input_ = FieldInput{};
-    f.frame = take<FieldFrame>(1), f.view = take<FieldView>(1);
+    f.frame = take<FieldFrame>(1), f.view = take<BrickView>(1);
     f.count = take<std::int32_t>(bricks), f.start = take<std::int32_t>(2 * bricks + 1), f.across = take<std::int8_t>(bricks);
     f.used = take<std::int32_t>(1), f.key = take<std::int32_t>(points), f.rank = take<std::int32_t>(points), f.given = take<Point>(points),
     f.sorted = take<Point>(points);

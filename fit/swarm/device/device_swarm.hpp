@@ -19,7 +19,7 @@ class DeviceSwarm : public SwarmBackend {
   /// Program numbers of a model, for Device::time(): with the field's build, and without.
   virtual int program(int model, bool with_field) const = 0;
   /// The field of the last frame; its pointers, and this one, are the device's.
-  virtual const FieldView* field() const = 0;
+  virtual const BrickView* field() const = 0;
   /// The model as the device sees it, with device pointers.
   virtual const EnergyView& energy(int model) const = 0;
 };

@@ -1,4 +1,4 @@
-// Builds the nearest-point field (fit/cloud/field_view.hpp) on a device from points sorted by brick: exact searches for every brick and for every cell near the
+// Builds the nearest-point field (brick_view.hpp) on a device from points sorted by brick: exact searches for every brick and for every cell near the
 // cloud.
 #pragma once
 
@@ -6,9 +6,9 @@
 
 #include <cstdint>
 
-#include "fit/cloud/field_view.hpp"
 #include "fit/gpu/host_device.hpp"
 #include "fit/gpu/launch.hpp"
+#include "fit/swarm/device/brick_view.hpp"
 #include "fit/swarm/device/point_kernels.hpp"
 
 namespace booth::fit::device {

@@ -5,9 +5,9 @@
 
 #include <cstdint>
 
-#include "fit/cloud/field_view.hpp"
 #include "fit/gpu/host_device.hpp"
 #include "fit/gpu/launch.hpp"
+#include "fit/swarm/device/brick_view.hpp"
 #include "fit/swarm/lanes.hpp"
 
 namespace booth::fit::device {
@@ -43,7 +43,7 @@ struct FieldMemory {
   std::int32_t capacity, max_bricks;
   float edge, fine, band;  ///< m; the brick's edge before it grows
   FieldFrame* frame;
-  FieldView* view;
+  BrickView* view;
   std::int32_t* box;         ///< least x, y, z, then greatest: floats as ordered(); empty between two frames
   std::int32_t* count;       ///< per brick
   std::int32_t* start;       ///< per brick, and one more after each row of bricks: row r's begin at r (bricks[0] + 1)
@@ -91,7 +91,7 @@ BOOTH_HOST_DEVICE float unordered(std::int32_t i) { return ScalarLanes::as_float
 
 inline constexpr float kUsable = 1000;  ///< m
 inline constexpr std::int8_t kNoneAcross = 127;
-inline constexpr int kMostBricksInLayer = 32767;  ///< as FieldView packs it
+inline constexpr int kMostBricksInLayer = 32767;  ///< as BrickView packs it
 inline constexpr std::int32_t kEmptyLow = 0x7fffffff, kEmptyHigh = -0x7fffffff - 1;
 
 BOOTH_HOST_DEVICE bool usable(float x, float y, float z) { return fabsf(x) < kUsable && fabsf(y) < kUsable && fabsf(z) < kUsable; }
@@ -189,7 +189,7 @@ struct CountPoints : OneRound {
       s.frame = f;
       if (lane.block != 0) return;
       *m.frame = f;
-      FieldView& v = *m.view;
+      BrickView& v = *m.view;
       v.brick = m.brick, v.cell = m.cell;
       v.cell_size = f.edge / kBrick, v.inverse_cell = 1 / v.cell_size;
       for (int c = 0; c < 3; ++c) v.origin[c] = f.origin[c], v.last[c] = f.points > 0 ? static_cast<float>(f.bricks[c] * kBrick) - 0.5f : 0.0f;

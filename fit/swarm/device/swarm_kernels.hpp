@@ -124,7 +124,7 @@ struct Iterate {
   struct Private {};
 
   EnergyView m;
-  const FieldView* field = nullptr;
+  const BrickView* field = nullptr;
   const std::int32_t* vertex_segment = nullptr;  ///< [vertex]: index in m.segment
   std::int8_t level_part[kParts];                ///< parts by level ...
   std::int8_t level_start[kLevels + 1];          ///< ... and where each level begins
@@ -173,7 +173,7 @@ struct Iterate {
       const int first = level_start[kLevel], count = level_start[kLevel + 1] - first;
       for (int i = t; i < kParticles * count; i += kThreads) place(i / count, level_part[first + i % count], s);
     } else if constexpr (kPhase == 9) {
-      const FieldView f = *field;
+      const BrickView f = *field;
       for (int i = t; i < kParticles * kParts; i += kThreads) to_cells<ScalarLanes>(m, f, s.transform[i / kParts][i % kParts]);
       for (int i = t; i < 2 * kParticles; i += kThreads) s.sum[i / 2][i % 2] = 0;
     } else if constexpr (kPhase == 10) {
@@ -308,7 +308,7 @@ struct Iterate {
     const std::int32_t* shape = m.shape + static_cast<std::int64_t>(batch) * m.batch_words() + lane;
     const float* weight = m.weight + static_cast<std::int64_t>(batch) * ((kVertexParts - 1) * kBatch) + lane;
     const Segment segment = m.segment[vertex_segment[batch * kBatch + lane]];
-    const FieldView f = *field;
+    const BrickView f = *field;
     typename Lanes::F rest[6];
     if (m.pairs == kMostPairs)
       rest_vertex<Lanes, kMostPairs>(shape, s.pair[chunk], m.pairs, rest);

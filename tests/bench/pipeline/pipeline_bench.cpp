@@ -12,6 +12,7 @@
 #include "tests/bench/harness/harness.hpp"
 #include "tests/bench/pipeline/raw_frames.hpp"
 #include "tests/support/memory_booth.hpp"
+#include "tests/support/pause_witness.hpp"
 
 namespace booth::bench {
 namespace {
@@ -73,6 +74,30 @@ class Thieves {
   std::vector<std::thread> threads_;
 };
 
+/// Tells groups that were dropped because the machine stood still from those that the fit took too long for.
+class DropWitness {
+ public:
+  explicit DropWitness(const daemon::Pipeline& pipeline)
+      : pipeline_(pipeline), seen_(dropped()), witness_(1ms, 15ms, [this](auto now, bool paused) { look(now, paused); }) {}
+  std::uint64_t beside_pauses() const { return beside_; }
+  const tests::PauseWitness& pauses() const { return witness_; }
+
+ private:
+  std::uint64_t dropped() const { return pipeline_.counters().groups_dropped; }
+  void look(tests::PauseWitness::Clock::time_point now, bool paused) {
+    if (paused) last_pause_ = now;
+    const std::uint64_t total = dropped();
+    if (now - last_pause_ < 200ms) beside_ += total - seen_;
+    seen_ = total;
+  }
+
+  const daemon::Pipeline& pipeline_;
+  std::uint64_t seen_;
+  tests::PauseWitness::Clock::time_point last_pause_{};
+  std::atomic<std::uint64_t> beside_{0};
+  tests::PauseWitness witness_;  // last: its thread uses the others
+};
+
 /// Seconds from the theft's end to the last frame that still shows it: later than the 99 % before, half as much again.
 double recovery(const std::vector<tests::FrameNote>& notes, std::size_t from, std::size_t to, double usual_ms, std::int64_t end_ns) {
   std::int64_t last = end_ns;
@@ -107,6 +132,7 @@ void run(Options o, const Common& common, Report& report) {
   const std::uint64_t lost_before = camera_losses();
   const auto first = static_cast<std::size_t>(booth.frames());
   std::cerr << "pipeline: measuring " << o.seconds << " s\n";
+  auto witness = std::make_unique<DropWitness>(booth.pipeline());
   sleep(o.seconds);
   const auto after = counters();
   const std::uint64_t lost_after = camera_losses();
@@ -121,6 +147,10 @@ void run(Options o, const Common& common, Report& report) {
   report.add({"groups formed", "", static_cast<double>(after.groups - before.groups)});
   report.add({"groups fitted", "", static_cast<double>(after.fitted - before.fitted)});
   report.add({"groups dropped by the fit", "", static_cast<double>(after.groups_dropped - before.groups_dropped)});
+  report.add({"... within 0.2 s of a pause of the machine", "", static_cast<double>(witness->beside_pauses())});
+  report.add({"pauses of the machine (a thread that only sleeps woke 15 ms late)", "", static_cast<double>(witness->pauses().pauses())});
+  report.add({"... the longest", "ms", 1e3 * witness->pauses().longest()});
+  witness.reset();
   report.add({"frames lost before the pipeline", "", static_cast<double>(lost_after - lost_before)});
   report.add({"skeletons that a DDS reader took", "", static_cast<double>(booth.heard())});
   report.add({"rate", "1/s", static_cast<double>(after.fitted - before.fitted) / o.seconds, "of the cameras", 30});

@@ -28,13 +28,13 @@ struct Scene : tests::SwarmScene {
 };
 
 /// The CPU's scalar kernel over the field that the device built.
-std::vector<float> reference(const Scene& scene, const FieldView& field, const RandomKey& key, float& cost, std::vector<float>& history) {
+std::vector<float> reference(const Scene& scene, const BrickView& field, const RandomKey& key, float& cost, std::vector<float>& history) {
   const EnergyPack pack(*scene.model, *scene.prior, scene.sizes.energy);
   const SwarmSettings& s = scene.sizes.swarm;
   const int d = pack.dimensions(), groups = (s.particles + kGroup - 1) / kGroup;
   std::vector<float> x(static_cast<std::size_t>(groups * d * kGroup)), v(x), best(x), best_cost(static_cast<std::size_t>(groups * kGroup)),
       global(static_cast<std::size_t>(d));
-  SwarmWorkOver<FieldView> work{{pack.view()}, field,    {},       scene.centre.data(), scene.deviation.data(),
+  SwarmWorkOver<BrickView> work{{pack.view()}, field,    {},       scene.centre.data(), scene.deviation.data(),
                                 global.data(), x.data(), v.data(), best.data(),         best_cost.data()};
   work.step.key = key, work.step.cognitive = s.cognitive, work.step.social = s.social;
   cost = std::numeric_limits<float>::max();
@@ -112,7 +112,7 @@ TEST(DeviceSwarm, BuildsAnExactField) {
   ASSERT_TRUE(swarm->set_cloud(cloud));
   ParticleTerms terms{};
   ASSERT_TRUE(swarm->evaluate(0, scene.centre, terms));
-  const FieldView& f = *swarm->field();
+  const BrickView& f = *swarm->field();
   std::mt19937 random(1);
   std::uniform_int_distribution<int> pick(0, cloud.size - 1);
   std::normal_distribution<float> gauss(0, 0.1f);
@@ -144,7 +144,7 @@ std::vector<std::int32_t> field_values(const Scene& scene, Order order) {
   const auto swarm = scene.make(faults);
   ParticleTerms terms{};
   EXPECT_TRUE(swarm->set_cloud(scene.observation.cloud) && swarm->evaluate(0, scene.centre, terms));
-  const FieldView& f = *swarm->field();
+  const BrickView& f = *swarm->field();
   std::vector<std::int32_t> out;
   const int layer = f.brick_strides >> 16, bricks = layer * static_cast<int>((f.last[2] + 0.5f) / kBrick);
   for (int b = 0; b < bricks; ++b) {

@@ -1,4 +1,4 @@
-// The nearest-point field as kernels see it: flat arrays and the one look-up that host and device share.
+// The nearest-point field as a device's kernels see it: two levels of flat arrays, exact, and its look-up.
 #pragma once
 
 #include <cstdint>
@@ -7,14 +7,17 @@
 
 namespace booth::fit {
 
-/// Two levels. The box is cut into bricks of 4 x 4 x 4 cells. A brick near the cloud has 64 cells, each with the point nearest to its own centre; a brick
+/// The CPU's field is another (fit/cloud/cell_view.hpp): one level, about the nearest, one load a look-up; a device has the arithmetic for exact answers and
+/// would rather not clear 7 MB a frame.
+///
+/// The box is cut into bricks of 4 x 4 x 4 cells. A brick near the cloud has 64 cells, each with the point nearest to its own centre; a brick
 /// further away has one, with the point nearest to the brick's centre (the distance is flat there); one off the band has none. Everything is in
 /// cells from `origin`; the outermost layer of bricks is always off the band, so that a clamped look-up falls there.
 ///
 /// brick[(bz * bricks_y + by) * bricks_x + bx] is the index in `cell` of the first of its 64 cells, or ~index (negative) of its only one.
 /// Within a brick the cell of (x, y, z) is x + 4 y + 16 z. A cell holds the nearest point's offset from its BRICK's low corner, three times 10 bits,
 /// signed, x lowest, in steps of `step` cells; a negative cell means that there is no point within the band.
-struct FieldView {
+struct BrickView {
   const std::int32_t* brick = nullptr;
   const std::int32_t* cell = nullptr;
   float origin[3] = {0, 0, 0};     ///< m
@@ -36,7 +39,7 @@ BOOTH_HOST_DEVICE std::int32_t pack_offset(int x, int y, int z) { return (x & 10
 /// Where to look: the index of the brick, and within it of the cell. (x, y, z), in cells from the origin, become relative to the brick's low corner.
 /// Infinite and not-a-number coordinates are safe: they are clamped (NaN to 0), that is, off the band.
 template <class L>
-BOOTH_HOST_DEVICE void locate(const FieldView& f, typename L::F& x, typename L::F& y, typename L::F& z, typename L::I& brick, typename L::I& local) {
+BOOTH_HOST_DEVICE void locate(const BrickView& f, typename L::F& x, typename L::F& y, typename L::F& z, typename L::I& brick, typename L::I& local) {
   using F = typename L::F;
   using I = typename L::I;
   const auto clamped = [](F v, float last) { return L::truncate(L::smaller(L::larger(v, L::splat(0.0f)), L::splat(last))); };
@@ -56,7 +59,7 @@ BOOTH_HOST_DEVICE typename L::I cell_of(typename L::I entry, typename L::I local
 /// (x, y, z), relative to the brick's low corner, less the nearest point, in cells; true (lane by lane) where there is no point within the band, with an
 /// undefined difference.
 template <class L>
-BOOTH_HOST_DEVICE auto subtract_nearest(const FieldView& f, typename L::I cell, typename L::F& x, typename L::F& y, typename L::F& z) {
+BOOTH_HOST_DEVICE auto subtract_nearest(const BrickView& f, typename L::I cell, typename L::F& x, typename L::F& y, typename L::F& z) {
   x = x - L::to_float((cell << 22) >> 22) * f.step;
   y = y - L::to_float((cell << 12) >> 22) * f.step;
   z = z - L::to_float((cell << 2) >> 22) * f.step;
@@ -65,7 +68,7 @@ BOOTH_HOST_DEVICE auto subtract_nearest(const FieldView& f, typename L::I cell, 
 
 /// All three steps: (x, y, z), in cells from the origin, becomes its difference from the nearest point.
 template <class L>
-BOOTH_HOST_DEVICE auto field_difference(const FieldView& f, typename L::F& x, typename L::F& y, typename L::F& z) {
+BOOTH_HOST_DEVICE auto field_difference(const BrickView& f, typename L::F& x, typename L::F& y, typename L::F& z) {
   std::int32_t at[L::kCount];
   typename L::I brick, local;
   locate<L>(f, x, y, z, brick, local);
