@@ -4,38 +4,21 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "daemon/health/log.hpp"
 #include "daemon/health/messages.hpp"
 #include "daemon/session/dds_samples.hpp"
-#include "daemon/session/drift_words.hpp"
 
 namespace booth::daemon {
 
 using namespace std::chrono_literals;
 
-namespace {
-
-/// Of what works where more than one thing can. Said when the work changes hands, and at the start; a device that is tried again and again in vain is no news.
-template <class Status>
-bool is_news(const Status& said, const Status& now) {
-  return now.changes != said.changes || (said.name != now.name && !now.problem.empty());
-}
-constexpr hal::Nanoseconds kRepetitions = std::chrono::minutes(10);
-void write_camera_line(LogLevel level, const std::string& text) {
-  log_message(level, level == LogLevel::warning ? Message::camera_lost : Message::camera_changed, text);
-}
-void write_panel_line(LogLevel level, const std::string& text) { log_message(level, Message::panel_problem, text); }
-}  // namespace
-
 Controller::Controller(ControllerSettings settings, hal::Clock& clock)
     : settings_(std::move(settings)),
       clock_(clock),
       machine_(settings_.limits),
-      camera_log_(kRepetitions, write_camera_line),
-      panel_log_(kRepetitions, write_panel_line) {}
+      news_(clock, [this](const std::string& kind, const std::string& source, const std::string& text) { say_event(kind, source, text); }) {}
 
 Controller::~Controller() { shutdown("end"); }
 
@@ -101,10 +84,7 @@ void Controller::loop() {
     take_requests();
     take_frames();
     watch_cameras();
-    watch_backend();
-    watch_drift();
-    watch_panel();
-    watch_credentials();
+    watch_rest();
     watch_calibration();
     const hal::MonotonicTime now = clock_.now();
     if (files_done_.exchange(false)) {
@@ -150,31 +130,11 @@ void Controller::take_frames() {
 
 void Controller::watch_cameras() {
   const std::vector<CameraStatus> cameras = pipeline_->cameras();
-  camera_states_.resize(cameras.size(), CameraState::starting);
-  camera_problems_.resize(cameras.size());
-  int running = 0;
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    running += cameras[i].state == CameraState::running;
-    if (cameras[i].state == camera_states_[i]) {
-      // Still lost, but perhaps for another reason than before.
-      if (cameras[i].state == CameraState::lost && !cameras[i].problem.empty() && cameras[i].problem != camera_problems_[i])
-        camera_log_.say(LogLevel::warning, fmt::format("camera {}: {}", cameras[i].name, camera_problems_[i] = cameras[i].problem), clock_.now());
-      continue;
-    }
-    camera_problems_[i] = cameras[i].problem;
-    const std::string text =
-        fmt::format("camera {} is {}{}{}", cameras[i].name, to_string(cameras[i].state), cameras[i].problem.empty() ? "" : ": ", cameras[i].problem);
-    const bool bad = cameras[i].state == CameraState::lost;
-    camera_log_.say(bad ? LogLevel::warning : LogLevel::info, text, clock_.now());
-    say_event(bad ? "fault" : "state", "cameras", text);
-    camera_states_[i] = cameras[i].state;
-  }
-  camera_log_.tell(clock_.now());
-  watch_decoders(cameras);
-  const bool paused = running < settings_.minimum_cameras;
+  news_.cameras(cameras);
+  const auto running = std::count_if(cameras.begin(), cameras.end(), [](const CameraStatus& c) { return c.state == CameraState::running; });
   {
     const std::lock_guard lock(shared_mutex_);
-    paused_ = paused;
+    paused_ = running < settings_.minimum_cameras;
     latched_ = machine_.latched();
     body_known_ = machine_.body_known();
     countdown_ = machine_.countdown_left(clock_.now());
@@ -183,79 +143,31 @@ void Controller::watch_cameras() {
   if (waiting && pipeline_->all_ended()) apply(machine_.handle(SessionEvent::sources_ended, clock_.now()), "cameras");
 }
 
-void Controller::watch_backend() {
-  BackendStatus now = fitter_->backend();
-  if (is_news(backend_said_, now)) say_changed_hands("the fit is computed", "fit", now.name, now.problem);
-  backend_said_ = std::move(now);
-}
-
-void Controller::watch_decoders(const std::vector<CameraStatus>& cameras) {
-  decoders_said_.resize(cameras.size());
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    const hal::DecodeStatus& now = cameras[i].decoding;
-    if (is_news(decoders_said_[i], now)) say_changed_hands(fmt::format("depth of camera {} is decoded", cameras[i].name), "cameras", now.name, now.problem);
-    decoders_said_[i] = now;
+void Controller::watch_rest() {
+  news_.backend(fitter_->backend());
+  std::vector<std::string> panel_problems;
+  {
+    const std::lock_guard lock(shared_mutex_);
+    panel_problems = panel_.problems;
   }
-}
-
-void Controller::say_changed_hands(const std::string& what, const std::string& source, const std::string& name, const std::string& problem) {
-  const bool bad = !problem.empty();
-  const std::string text = fmt::format("{} by {}{}{}", what, name, bad ? ": " : "", problem);
-  log_message(bad ? LogLevel::warning : LogLevel::info, Message::backend_changed, text);
-  say_event(bad ? "fault" : "state", source, text);
-}
-
-void Controller::watch_drift() {
-  if (clock_.now() < next_drift_look_) return;
-  next_drift_look_ = clock_.now() + 500ms;
-  const std::vector<CameraDriftStatus> now = fitter_->drift();
-  const std::vector<CameraStatus> cameras = pipeline_->cameras();
-  drift_said_.resize(now.size(), CameraDriftStatus::Verdict::unknown);
-  std::string problem;
-  bool changed = false;
-  for (std::size_t c = 0; c < now.size() && c < cameras.size(); ++c) {
-    const bool bad = off_its_place(now[c]), was_bad = off_its_place(drift_said_[c]);
-    const std::string text = drift_sentence(cameras[c].name, now[c]);
-    if (bad && problem.empty()) problem = text;
-    changed |= bad != was_bad || (bad && now[c].verdict != drift_said_[c]);
-    if (now[c].verdict != drift_said_[c] && (bad || was_bad)) {
-      log_message(bad ? LogLevel::warning : LogLevel::info, Message::camera_moved, text);
-      say_event(bad ? "fault" : "state", "cameras", text);
+  news_.panel(panel_problems);
+  const hal::MonotonicTime now = clock_.now();
+  if (now >= next_drift_look_) {
+    next_drift_look_ = now + 500ms;
+    if (const auto problem = news_.drift(fitter_->drift(), pipeline_->cameras())) {
+      const std::lock_guard lock(shared_mutex_);
+      drift_problem_ = *problem;
     }
-    drift_said_[c] = now[c].verdict;
   }
-  const std::lock_guard lock(shared_mutex_);
-  // The sentence stays as long as the same cameras are off, so that figures that change every second do not make a new alarm of it.
-  if (changed) drift_problem_ = problem;
-}
-
-void Controller::watch_panel() {
-  std::vector<std::string> now;
-  {
-    const std::lock_guard lock(shared_mutex_);
-    now = panel_.problems;
+  if (settings_.credential_problem && now >= next_credential_look_) {
+    next_credential_look_ = now + 1s;
+    const std::string problem = settings_.credential_problem();
+    {
+      const std::lock_guard lock(shared_mutex_);
+      credential_problem_ = problem;
+    }
+    news_.credentials(problem);
   }
-  for (const auto& problem : now)
-    if (std::find(panel_said_.begin(), panel_said_.end(), problem) == panel_said_.end() && panel_log_.say(LogLevel::warning, "panel: " + problem, clock_.now()))
-      say_event("fault", "gpio", problem);
-  if (now.empty() && !panel_said_.empty() && panel_log_.say(LogLevel::info, "panel: buttons and light work again", clock_.now()))
-    say_event("state", "gpio", "buttons and light work again");
-  panel_log_.tell(clock_.now());
-  panel_said_ = std::move(now);
-}
-
-void Controller::watch_credentials() {
-  if (!settings_.credential_problem || clock_.now() < next_credential_look_) return;
-  next_credential_look_ = clock_.now() + 1s;
-  std::string now = settings_.credential_problem();
-  {
-    const std::lock_guard lock(shared_mutex_);
-    if (now == credential_problem_) return;
-    credential_problem_ = now;
-  }
-  // The sentence counts days, so that it is said again every day.
-  if (!now.empty()) log_message(LogLevel::warning, Message::credentials_expire, now);
-  say_event(now.empty() ? "state" : "fault", "dds", now.empty() ? "the credentials serve for long enough again" : now);
 }
 
 void Controller::apply(const SessionOutcome& outcome, const std::string& source) {

@@ -16,10 +16,10 @@
 #include <vector>
 
 #include "daemon/dds/dds_link.hpp"
-#include "daemon/health/repeated_log.hpp"
 #include "daemon/pipeline/pipeline.hpp"
 #include "daemon/record/session_files.hpp"
 #include "daemon/record/session_log.hpp"
+#include "daemon/session/booth_news.hpp"
 #include "daemon/session/calibrator.hpp"
 #include "daemon/session/session_machine.hpp"
 #include "daemon/session/session_story.hpp"
@@ -129,12 +129,7 @@ class Controller final : public FrameSink {
   void take_requests();
   void take_frames();
   void watch_cameras();
-  void watch_backend();
-  void watch_decoders(const std::vector<CameraStatus>& cameras);
-  void say_changed_hands(const std::string& what, const std::string& source, const std::string& name, const std::string& problem);
-  void watch_drift();
-  void watch_panel();
-  void watch_credentials();
+  void watch_rest();  ///< who computes, panel, cameras off their places, credentials
   void watch_calibration();
   std::string why_no_calibration() const;
   void apply(const SessionOutcome& outcome, const std::string& source);
@@ -166,13 +161,7 @@ class Controller final : public FrameSink {
   SessionMachine machine_;
   SessionStory story_;
   bool body_published_ = false;
-  std::vector<CameraState> camera_states_;
-  std::vector<std::string> camera_problems_;
-  RepeatedLog camera_log_, panel_log_;  ///< one line for each cause; repetitions are counted
-  std::vector<std::string> panel_said_;
-  BackendStatus backend_said_;
-  std::vector<hal::DecodeStatus> decoders_said_;
-  std::vector<CameraDriftStatus::Verdict> drift_said_;
+  BoothNews news_;
   CalibrationStatus calibration_said_;
   hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{}, next_credential_look_{}, next_drift_look_{};
   std::string status_key_;
