@@ -15,6 +15,12 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::StartsWith;
 
+CameraStatus running(const std::string& name) {
+  CameraStatus out;
+  out.name = name, out.state = CameraState::running;
+  return out;
+}
+
 struct BoothNewsTest : ::testing::Test {
   /// What was said since the last call, "kind source: text".
   std::vector<std::string> heard() { return std::exchange(events, {}); }
@@ -23,7 +29,7 @@ struct BoothNewsTest : ::testing::Test {
   std::vector<std::string> events;
   BoothNews news{clock,
                  [this](const std::string& kind, const std::string& source, const std::string& text) { events.push_back(kind + " " + source + ": " + text); }};
-  std::vector<CameraStatus> cameras{{.name = "front-left", .state = CameraState::running}, {.name = "front-right", .state = CameraState::running}};
+  std::vector<CameraStatus> cameras{running("front-left"), running("front-right")};
 };
 
 TEST_F(BoothNewsTest, ACameraIsLostOnceAndBackOnce) {
