@@ -33,11 +33,11 @@ constexpr std::array<Description, kMeasures> kDescriptions{{
 /// sd^2 = kScale^2 * (carried variance) + unexplained^2, set by `booth-uncertainty-study` on people who are neither in the models nor set aside.
 constexpr double kScale = 1;
 constexpr std::array<double, kMeasures> kUnexplained{
-    0.0098,                          // stature
-    0.7,    0.0007,                  // mass, volume
-    0.003,  0.0071, 0.0058,          // chest, waist, buttock
-    0.0100, 0.0137,                  // thigh, calf
-    0.0037, 0.0124, 0.0118, 0.0097,  // shoulder breadth, arm, leg, crotch
+    0.0098,                           // stature
+    0.35,   0.00035,                  // mass, volume
+    0.005,  0.0071,  0.0081,          // chest, waist, buttock
+    0.0100, 0.0142,                   // thigh, calf
+    0.0048, 0.0124,  0.0118, 0.0097,  // shoulder breadth, arm, leg, crotch
 };
 
 /// Length of the convex hull of points in a plane (monotone chain). Sorts its argument.

@@ -3,9 +3,11 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
+#include "fit/body/facet_fall.hpp"
 #include "fit/body/sampling.hpp"
 #include "fit/cloud/projection.hpp"
 #include "fit/energy/terms.hpp"
@@ -29,11 +31,27 @@ constexpr float kSilhouetteMargin = 2.0f;   // pixels that an eroded outline may
 constexpr float kFreeSpaceScale = 0.15f;    // m; robust scale of free-space residuals
 constexpr float kFloorScale = 0.05f;        // m
 constexpr int kTangentialStep = 4;          // every so many points pull along the surface too, for all of them: a row costs the same whatever its weight
+constexpr float kFacets = 0.7f;             // share of the facets' fall that is taken off: between the flat facets of a model and smooth skin
+constexpr float kFarthestFall = 0.03f;      // m along the tangent plane; farther out nothing is known of the fall
 constexpr float kNormalGate = 0.2f;         // cosine between a point's and a vertex's normal
 constexpr double kFirstDamping = 1e-3, kMostDamping = 1e6;
 constexpr double kLongestTurn = 0.35, kLongestMove = 0.15, kLongestShape = 1.0;  // of one step: rad, m, standard deviations
 constexpr double kConverged = 2e-4;                                              // no unknown moves more: rad, m, standard deviations
 constexpr double kNoGain = 2e-4;                                                 // of the energy that a step must take off to be worth another
+
+/// Depth of the nearest surface that the pixels around (u, w) show, metres; infinite where they show none. At the outline of an arm before the trunk a
+/// vertex of the arm may lie a pixel or two beside it without being in free space: taken for that, it would be pushed into the trunk.
+float nearest_surface(const View& view, int u, int w) {
+  constexpr std::array<std::array<int, 2>, 8> around{{{-3, 0}, {3, 0}, {0, -3}, {0, 3}, {-2, -2}, {2, -2}, {-2, 2}, {2, 2}}};
+  float nearest = std::numeric_limits<float>::infinity();
+  for (const auto& [du, dw] : around) {
+    const int x = u + du, y = w + dw;
+    if (x < 0 || y < 0 || x >= view.camera.width || y >= view.camera.height) continue;
+    const float depth = view.depth[static_cast<std::size_t>(y * view.camera.width + x)];
+    if (depth > 0) nearest = std::min(nearest, depth);
+  }
+  return nearest;
+}
 
 /// How much of `step` may be taken at once.
 double step_fraction(const UnknownVector& step) {
@@ -66,12 +84,15 @@ Refiner::Refiner(const BodyModel& model, const PosePrior& prior, RefinerSize siz
       x_(static_cast<std::size_t>(poser_.size())),
       model_samples_(std::min(size.model_samples, poser_.size())),
       portions_(kPortions) {
+  const std::vector<float> fall = facet_fall(model.data());
+  fall_.reserve(static_cast<std::size_t>(poser_.size()));
+  for (int i = 0; i < poser_.size(); ++i) fall_.push_back(fall[static_cast<std::size_t>(poser_.model_vertex(i))]);
   shaped_ = ShapeVector::Zero(poser_.shape_count());
 }
 
 std::size_t Refiner::memory_bytes() const {
   return sizeof(*this) - sizeof(poser_) + poser_.memory_bytes() + grid_.memory_bytes() + cloud_grid_.memory_bytes() +
-         kThinCloud * (6 * sizeof(float) + sizeof(std::uint8_t)) + x_.size() * sizeof(float) +
+         kThinCloud * (6 * sizeof(float) + sizeof(std::uint8_t)) + (x_.size() + fall_.size()) * sizeof(float) +
          portions_.size() * (sizeof(Portion) + NormalEquations::heap_bytes());
 }
 
@@ -116,9 +137,12 @@ void Refiner::collect(const Problem& problem, int portion, bool rows) {
     Eigen::Vector3f difference = poser_.position(v) - p;
     if (problem.velocity && !observation.views.empty()) difference += observation.views[cloud.camera[i]].time_offset * problem.velocity->col(v);
     const Eigen::Vector3f n = poser_.normal(v);
-    const float along = n.dot(difference);
-    const Eigen::Vector3f across = difference - along * n;
-    const float r2 = along * along + tangential * across.squaredNorm();
+    const float above = n.dot(difference);
+    const Eigen::Vector3f across = difference - above * n;
+    const float length = across.norm();
+    // Between its vertices the surface lies below their tangent planes. Who overlooks that makes every body too thin.
+    const float along = above - kFacets * fall_[static_cast<std::size_t>(v)] * std::min(length, kFarthestFall);
+    const float r2 = along * along + tangential * length * length;
     const float say = along < 0 ? cloth : 1.0f;
     const float w = say * data_weight * robust.weight(r2);
     out.data += static_cast<double>(say * robust.cost(r2) / robust.scale2);
@@ -126,7 +150,6 @@ void Refiner::collect(const Problem& problem, int portion, bool rows) {
     out.energy += static_cast<double>(say * data_weight * robust.cost(r2));
     add_row(v, n, along, w);
     if (tangential <= 0 || s % kTangentialStep != 0) continue;
-    const float length = across.norm();
     if (length > 1e-4f) add_row(v, across / length, length, w * tangential * kTangentialStep);
   }
 
@@ -170,7 +193,9 @@ void Refiner::collect(const Problem& problem, int portion, bool rows) {
         if (label == PixelLabel::unknown) continue;
         out.tested += 1;
         if (label == PixelLabel::person) {
-          const float before = view.depth[at] - kFreeSpaceMargin - pixel.z;  // how far before the seen surface
+          float before = view.depth[at] - kFreeSpaceMargin - pixel.z;  // how far before the seen surface
+          if (before <= 0) continue;
+          before = std::min(before, nearest_surface(view, u, w) - kFreeSpaceMargin - pixel.z);
           if (before <= 0) continue;
           out.violations += 1;
           out.energy += static_cast<double>(free_weight * free_robust.cost(before * before));
@@ -337,7 +362,7 @@ RefineReport Refiner::refine(const Observation& observation, const RefineWeights
     }
     hessian_ = sum.equations.hessian();
     gradient_ = sum.equations.gradient();
-    if (rows) data_information_ = hessian_;
+    if (rows) data_information_ = hessian_, data_gradient_ = gradient_;
     double energy = sum.energy;
     report.evidence = sum.energy;
     add_priors(problem, pose, shape, hessian_, gradient_, energy);

@@ -91,6 +91,8 @@ class Refiner {
   const UnknownMatrix& information() const { return information_; }
   /// The data's own part of it.
   const UnknownMatrix& data_information() const { return data_information_; }
+  /// Half the gradient of the data's own part of the energy there: it is what the priors hold against.
+  const UnknownVector& data_gradient() const { return data_gradient_; }
   std::size_t memory_bytes() const;
 
  private:
@@ -107,8 +109,9 @@ class Refiner {
   WorkerPool& pool_;
   Poser poser_;
   PointGrid grid_, cloud_grid_;
-  Cloud thin_;            ///< what cloud_grid_ indexes
-  std::vector<float> x_;  ///< of the vertices that may explain points, where not all may
+  Cloud thin_;               ///< what cloud_grid_ indexes
+  std::vector<float> x_;     ///< of the vertices that may explain points, where not all may
+  std::vector<float> fall_;  ///< facet_fall() of the poser's vertices
   int model_samples_;
   static constexpr int kPortions = 8, kThinCloud = 4000;
   struct Portion {
@@ -117,7 +120,7 @@ class Refiner {
   };
   std::vector<Portion> portions_;
   UnknownMatrix information_, data_information_, hessian_, damped_;
-  UnknownVector gradient_, step_;
+  UnknownVector gradient_, data_gradient_, step_;
   ShapeVector shaped_;  ///< coefficients that the poser's shape was set to
 };
 

@@ -18,9 +18,14 @@ constexpr double kDoubtfulData = 0.042;                                         
 constexpr double kStartPromise = 2e-4;                                                 // of the energy, that a step of a start must promise
 constexpr double kSameMove = 0.06, kSameTurn = 0.15;                                   // m, rad: poses nearer than this are one finalist
 constexpr double kLimbGain = 0.98;                                                     // share of the evidence's energy that a replaced limb may leave
-constexpr int kLimbFinalists = 5;                                                      // of the proposed limbs, how many get a second look
-constexpr int kLimbRounds = 2;                                                         // limbs of a start that may be replaced one after another
-constexpr double kFreshGain = 0.8;                                                     // and a fresh start
+constexpr double kFoundGain = 0.9;                                                     // the same where only one frame after another says that a limb is lost
+constexpr double kUsualAtFirst = 0.02;                                                 // what a frame leaves of an undressed person
+constexpr double kUneasy = 1.5;                                                        // times the usual is more than chance leaves
+constexpr double kUsualFalls = 0.1, kUsualRises = 0.01;    // share of a frame in the usual: what stays for seconds is how a person looks
+constexpr double kUneasyTime = 0.08, kLookAgain = 0.15;    // seconds of it before limbs are looked for, and until they are again
+constexpr int kLimbFinalists = 5;                          // of the proposed limbs, how many get a second look
+constexpr int kLimbRounds = 2;                             // limbs of a start that may be replaced one after another
+constexpr double kFreshGain = 0.8;                         // and a fresh start
 constexpr double kPatience = 0.5;                          // seconds of doubt before a fresh start is tried, and between two of them
 constexpr double kUndressTurn = 0.1, kUndressMove = 0.03;  // rad, m; how far the pose may lie from that of the clothes
 constexpr int kUnseenRounds = 3;                           // in which limbs are left out or taken in again
@@ -217,7 +222,7 @@ Solution BoothFitter::start(const Observation& observation, BoothFitter* other_m
   if (!winners.front().beta.isZero()) best.beta.head(coarse_.shape_count()) = winners.front().beta;
   best.iterations = iterations;
   refine_fine(observation, start_schedule_, {}, nullptr, best);
-  if (count == 1 && best.report.data > kDoubtfulData && !find_lost_limbs(observation, start_schedule_, nullptr, best))
+  if (count == 1 && best.report.data > kDoubtfulData && !find_lost_limbs(observation, start_schedule_, nullptr, true, kLimbGain, best))
     refine_fine(observation, start_schedule_, {}, nullptr, best);  // the refiner has to stand at the solution
   leave_out_unseen(observation, start_schedule_, best);
   if (best.report.unexplained > kHalfUnexplained) start_from_top(observation, best);
@@ -284,31 +289,41 @@ void BoothFitter::adopt(const Observation& observation, const Solution& solution
   q_ = solution.q;
   unseen_ = solution.unseen;
   velocity_.setZero();
-  time_ = doubtful_since_ = observation.time;
+  time_ = doubtful_since_ = easy_at_ = next_look_ = observation.time;
+  usual_ = kUsualAtFirst;
   tracked_frames_ = 0;
   learn_shape(solution);
 }
 
 void BoothFitter::learn_shape(const Solution& solution) {
   if (solution.report.data > kLearnableData) return;
-  beta_ = solution.beta;
-  belief_.mean = solution.beta;
   const int n = fine_.shape_count();
   const UnknownMatrix& h = fine_.data_information();
-  if (h.rows() != kDofs + n) return;  // the shape was held
-  // What this frame alone says of the shape when the pose may be anything: the Schur complement of the pose block.
+  if (h.rows() != kDofs + n) {  // the shape was held
+    beta_ = belief_.mean = solution.beta;
+    return;
+  }
+  // What this frame alone says of the shape when the pose may be anything: the Schur complement of the pose block, and where its own minimum would lie.
   UnknownMatrix pose = h.topLeftCorner(kDofs, kDofs);
   pose.diagonal().array() += 1;
   const UnknownMatrix coupling = h.topRightCorner(kDofs, n);
+  const auto solver = pose.ldlt();
   UnknownMatrix seen = h.bottomRightCorner(n, n);
-  seen.noalias() -= coupling.transpose() * pose.ldlt().solve(coupling);
-  // Exponential forgetting keeps the weight bounded; the population prior never fades.
-  const double keep = 1 - 1 / kMostShapeFrames;
+  seen.noalias() -= coupling.transpose() * solver.solve(coupling);
+  const UnknownVector& g = fine_.data_gradient();
+  const UnknownVector of_pose = solver.solve(g.head(kDofs));
+  const UnknownVector says = seen * solution.beta - g.tail(n) + coupling.transpose() * of_pose;
+  // Exponential forgetting keeps the weight bounded. The population's spread about its mean never fades and is never counted as learnt: where nothing is
+  // seen it holds the body for as long as the person is followed.
+  const double keep = 1 - 1 / kMostShapeFrames, population = parts_.shape_prior ? 1 : kNoShapePrior;
+  const UnknownVector target = keep * (belief_.information * belief_.mean) + kShapeFrameTrust * says;
   UnknownMatrix learnt = belief_.information;
-  learnt.diagonal().array() -= 1;
+  learnt.diagonal().array() -= population;
   learnt = keep * learnt + kShapeFrameTrust * seen;
-  learnt.diagonal().array() += 1;
+  learnt.diagonal().array() += population;
   belief_.information = 0.5 * (learnt + learnt.transpose());
+  belief_.mean = belief_.information.ldlt().solve(target);
+  beta_ = belief_.mean;
   ++shape_frames_;
 }
 
@@ -347,14 +362,21 @@ bool BoothFitter::replace_limb(const Observation& observation, Solution& solutio
   return true;
 }
 
-bool BoothFitter::find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const Vertices* velocity, Solution& solution) {
+bool BoothFitter::find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const Vertices* velocity, bool forearms, double gain,
+                                  Solution& solution) {
   Solution other = solution;
-  // Between two frames a forearm does not turn about: what fits better there is seldom true.
-  if (!better_limb(observation, solution.beta, velocity == nullptr, other.q, other.iterations)) return true;
+  if (!better_limb(observation, solution.beta, forearms, other.q, other.iterations)) return true;
   refine_fine(observation, schedule, {other.q, PoseVector::Zero()}, velocity, other);
-  if (other.report.evidence >= kLimbGain * solution.report.evidence) return false;
+  if (other.report.evidence >= gain * solution.report.evidence) return false;
   solution = other;
   return true;
+}
+
+bool BoothFitter::uneasy(const RefineReport& report, double time) {
+  const bool usual = report.data < kUneasy * usual_;
+  usual_ += (report.data < usual_ ? kUsualFalls : kUsualRises) * (report.data - usual_);
+  if (usual) easy_at_ = time;
+  return time - easy_at_ > kUneasyTime && time > next_look_;
 }
 
 void BoothFitter::leave_out_unseen(const Observation& observation, const RefineSchedule& schedule, Solution& solution) {
@@ -435,8 +457,13 @@ Solution BoothFitter::track(const Observation& observation) {
   if (quick && !convincing(s.report)) refine_fine(observation, schedule, belief, velocity, s);  // where the prediction was far off
   if (convincing(s.report)) {
     doubtful_since_ = observation.time;
+    if (quick && uneasy(s.report, observation.time)) {
+      next_look_ = observation.time + kLookAgain;
+      if (!find_lost_limbs(observation, track_schedule_, velocity, true, kFoundGain, s)) refine_fine(observation, track_schedule_, belief, velocity, s);
+    }
   } else {
-    if (!find_lost_limbs(observation, schedule, velocity, s)) refine_fine(observation, schedule, belief, velocity, s);
+    // Between two frames a forearm does not turn about: what fits better there is seldom true.
+    if (!find_lost_limbs(observation, schedule, velocity, velocity == nullptr, kLimbGain, s)) refine_fine(observation, schedule, belief, velocity, s);
     if (observation.time - doubtful_since_ > kPatience) {
       doubtful_since_ = observation.time;
       if (start_afresh(observation, s)) return s;

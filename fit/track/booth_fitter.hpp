@@ -81,7 +81,11 @@ class BoothFitter {
   /// The same for a winner of a race.
   bool replace_limb(const Observation& observation, Solution& solution);
   /// Takes a limb's other pose where that explains the cloud better. False: the refiner does not stand at the solution any more.
-  bool find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const Vertices* velocity, Solution& solution);
+  /// `forearms`: also with one forearm turned about. `gain`: the share of the evidence's energy that it may leave.
+  bool find_lost_limbs(const Observation& observation, const RefineSchedule& schedule, const Vertices* velocity, bool forearms, double gain,
+                       Solution& solution);
+  /// A frame that convinces, after a quick refinement, leaves clearly more of the cloud than this person's frames usually do, and has for a while.
+  bool uneasy(const RefineReport& report, double time);
   /// Where only a cloud is known: limbs that it shows nothing of are left to the priors. The refiner stands at the solution before and after.
   void leave_out_unseen(const Observation& observation, const RefineSchedule& schedule, Solution& solution);
   /// Where only a cloud is known, and it is not explained: whether it is that of somebody without legs, whose head is what is highest.
@@ -112,6 +116,9 @@ class BoothFitter {
   int shape_frames_ = 0, tracked_frames_ = 0;
   BoneSet unseen_ = 0;         ///< while clouds without images are followed
   double doubtful_since_ = 0;  ///< time of the last convincing frame, or of the last fresh start that did not help
+  double usual_ = 0;           ///< what frames of this person leave of the cloud when all is well: RefineReport::data of quick refinements
+  double easy_at_ = 0;         ///< time of the last frame that left no more than usual
+  double next_look_ = 0;       ///< time before which no limb is looked for because of what is more than usual
   Vertices vertex_velocity_;
   std::vector<StartCandidate> candidates_;
   std::vector<Solution> solutions_;

@@ -115,7 +115,8 @@ void Diagnostics::covariance(const UnknownMatrix& information, const UnknownMatr
   const UnknownMatrix inverse = inverse_of(information);
   const Eigen::Index shape = information.rows() - kDofs;
   const UnknownMatrix known = shape > 0 ? UnknownMatrix(inverse.bottomRightCorner(shape, shape)) : inverse_of(shape_information);
-  result.shape_covariance = 0.5 * (known + known.transpose());
+  const double factor = one_side_factor(result.coverage);
+  result.shape_covariance = 0.5 * factor * factor * (known + known.transpose());
   for (int j = 0; j < kJoints; ++j) {
     const Eigen::Matrix<double, 3, kDofs> jacobian = poser_.joint_pose_jacobian(j);
     const Eigen::Matrix3d c = jacobian * inverse.topLeftCorner<kDofs, kDofs>() * jacobian.transpose();

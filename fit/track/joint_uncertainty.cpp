@@ -33,12 +33,16 @@ constexpr double kWhole = 0.8, kOneSide = 0.6, kOneSideFactor = 1.6;
 
 Spread spread_of(int joint, JointVisibility visibility, double coverage) {
   if (visibility != JointVisibility::seen) return {kInferredScale, kInferredOwn};
-  const double unseen = std::clamp((kWhole - coverage) / (kWhole - kOneSide), 0.0, 1.0);
-  const double factor = 1 + unseen * (kOneSideFactor - 1);
+  const double factor = one_side_factor(coverage);
   return {factor * kSeenScale, factor * kOwn[static_cast<std::size_t>(joint)]};
 }
 
 }  // namespace
+
+double one_side_factor(double coverage) {
+  const double unseen = std::clamp((kWhole - coverage) / (kWhole - kOneSide), 0.0, 1.0);
+  return 1 + unseen * (kOneSideFactor - 1);
+}
 
 Eigen::Matrix3d calibrated_joint_covariance(const Eigen::Matrix3d& curvature, int joint, JointVisibility visibility, double coverage) {
   const Spread s = spread_of(joint, visibility, coverage);

@@ -25,6 +25,14 @@ TEST(JointUncertainty, HasAnInverseAndIsWiderForWhatWasNotSeen) {
   }
 }
 
+TEST(JointUncertainty, WhatOneSideShowsOfTheShapeIsTakenForLess) {
+  EXPECT_EQ(one_side_factor(1), 1);
+  EXPECT_EQ(one_side_factor(0.8), 1);
+  EXPECT_NEAR(one_side_factor(0.7), 1.3, 1e-12);
+  EXPECT_NEAR(one_side_factor(0), one_side_factor(0.6), 1e-12);
+  EXPECT_GT(one_side_factor(0), 1.5);
+}
+
 TEST(JointUncertainty, AHiddenArmSaysSo) {
   const auto model = tests::capsule_body();
   const PoseVector q = tests::pose_with({{"lhumerus_rz", 50}, {"rhumerus_rz", -50}});
