@@ -19,6 +19,12 @@ mount -t hostfs -o "$BOOTH_FOLDER/shared" host var/booth-host
 # A box has nothing but Debian and boothd: no other service of the host, none of its disks.
 rm -rf .dockerenv etc/systemd/system/*.wants etc/systemd/system/default.target var/lib/boothd etc/boothd
 : >etc/fstab
+# Nobody logs in, there is no screen, and no module: what looks after them would take the guest a third of its boot.
+ln -s /lib/systemd/system/multi-user.target etc/systemd/system/default.target
+for unit in systemd-logind dbus systemd-user-sessions systemd-update-utmp systemd-update-utmp-runlevel systemd-binfmt systemd-modules-load systemd-random-seed modprobe@; do
+  ln -sf /dev/null etc/systemd/system/$unit.service
+done
+for unit in dbus.socket proc-sys-fs-binfmt_misc.automount; do ln -sf /dev/null etc/systemd/system/$unit; done
 # /tmp is not emptied at the start: the source tree may lie there.
 mkdir -p etc/tmpfiles.d && : >etc/tmpfiles.d/tmp.conf
 echo booth >etc/hostname

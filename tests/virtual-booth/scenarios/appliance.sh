@@ -1,23 +1,25 @@
 # Scenario: the whole appliance.
 # does: systemd boots the installed package; four sensors on USB, button and lamp on a gpiochip, a subscriber on another network: a visit from the press to the files
-# kernel: time-travel=inf-cpu systemd.show_status=no
+# kernel: time-travel=inf-cpu systemd.show_status=no pty.legacy_count=0
 # limit: 600
 # init: systemd
 # tools: /lib/systemd/systemd jq ip
-# needs: usb_sensors light_watch boothd boothctl
+# needs: usb_sensors light_watch booth_status boothd boothctl
 set -eu
 ctl() { ip netns exec visitor boothctl "$@"; }
 # How far it is, on the console only: seconds of the host.
 step() { echo "step: $1 after $(echo "$(host_time) $(stat -c %.3Y "$BOOTH_FOLDER/booted")" | awk '{ printf "%.0f", $1 - $2 }') s"; }
-state() { boothctl status --json | jq -r .state; }
+socket=/run/boothd/control.sock
+# until_status NAME=VALUE SECONDS: boothd's status says so
+until_status() { "$programs/booth_status" $socket --until "$1" "$2" >/dev/null; }
 becomes() {
-  within "$2" eval "[ \"\$(state)\" = $1 ]" && return
+  until_status "state=$1" "$2" && return
   boothctl status || true
   journalctl -u boothd --no-pager | tail -30
   fail "boothd does not become $1"
 }
+running() { until_status running=4 60; }
 active() { [ "$(systemctl is-active boothd.service)" = active ]; }
-running() { [ "$(boothctl status --json | jq '[.cameras[] | select(.state == "running")] | length')" = 4 ]; }
 lines=/run/booth-lines
 press() { echo pull-down >$lines/sim_gpio0/pull; sleep 0.2; echo pull-up >$lines/sim_gpio0/pull; }
 show() { journalctl -b --no-pager -o short-precise | grep -E "boothd|booth-|udevd" | tail -40; }
@@ -33,7 +35,7 @@ figure "starts of boothd until then: $(($(systemctl show -P NRestarts boothd) + 
 [ "$(systemctl show -P NRestarts boothd)" -le 3 ] || { show; fail "boothd needed many starts"; }
 [ "$(stat -c %U "/proc/$(systemctl show -P MainPID boothd)")" = boothd ] || fail "boothd does not run as its user"
 [ "$(cat /sys/module/usbcore/parameters/usbfs_memory_mb)" = 256 ] || fail "the package did not raise the memory of usbfs"
-within 60 running || { boothctl status; show; fail "not all four cameras run"; }
+running || { boothctl status; show; fail "not all four cameras run"; }
 ls /dev/boothd | sed 's/^/figure: \/dev\/boothd\//' | head -4
 [ "$(ls /dev/boothd | wc -l)" = 4 ] || fail "udev gives the sensors no names of their own"
 sleep 0.5
@@ -79,11 +81,11 @@ figure "session: $frames frames, $(jq .fps "$folder/session.json") frames/s of 1
 step "cables"
 # All cables out and in again, as when somebody stumbles over the hub's plug.
 systemctl stop booth-sensors
-within 30 eval '[ "$(boothctl status --json | jq .paused)" = true ]' || { boothctl status; fail "boothd does not notice that the cameras are gone"; }
+until_status paused=true 30 || { boothctl status; fail "boothd does not notice that the cameras are gone"; }
 active || fail "boothd ended because its cameras were pulled"
 begin=$(cut -d' ' -f1 /proc/uptime)
 systemctl start booth-sensors
-within 60 running || { boothctl status; show; fail "the cameras do not come back"; }
+running || { boothctl status; show; fail "the cameras do not come back"; }
 figure "four cables pulled and put back: all cameras run $(awk -v a="$begin" '{ printf "%.1f", $1 - a }' /proc/uptime) s later, boothd did not end"
 
 step "killed"
@@ -96,7 +98,7 @@ kill -KILL "$old"
 begin=$(cut -d' ' -f1 /proc/uptime)
 within 30 eval 'active && [ "$(systemctl show -P MainPID boothd)" != '"$old"' ]' || { show; fail "boothd does not come back"; }
 figure "killed during the next visit: ready again $(awk -v a="$begin" '{ printf "%.1f", $1 - a }' /proc/uptime) s later"
-within 60 running || { boothctl status; show; fail "the cameras do not come back after boothd was killed"; }
+running || { boothctl status; show; fail "the cameras do not come back after boothd was killed"; }
 figure "all cameras $(awk -v a="$begin" '{ printf "%.1f", $1 - a }' /proc/uptime) s later"
 jq -r '.result + " " + (.frames | tostring)' /var/lib/boothd/sessions/*/session.json | sed 's/^/figure: session: /'
 [ "$(jq -r .result /var/lib/boothd/sessions/*/session.json | sort | tr '\n' ' ')" = "complete interrupted " ] || fail "the visit that was cut short was not kept"

@@ -1,18 +1,18 @@
 # Scenario: the memory limit is hit.
 # does: systemd's limit of memory (MemoryMax of boothd.slice) is hit in each state of a session: the kernel kills boothd, READY within 10 s, nothing acknowledged is lost
-# kernel: time-travel=inf-cpu systemd.show_status=no
-# limit: 600
+# kernel: time-travel=inf-cpu systemd.show_status=no pty.legacy_count=0
+# limit: 1800
 # init: systemd
 # times: 1
 # tools: /lib/systemd/systemd jq
-# needs: usb_sensors boothd boothctl
+# needs: usb_sensors booth_status boothd boothctl
 # BOOTH_TIMES kills in each of three states, under the installed unit with its own rules (OOMPolicy, Restart, slice). Simulated cameras: what a kill does to sensors is tried in "appliance".
 set -eu
-state() { boothctl status --json | jq -r .state; }
+# until_status NAME=VALUE SECONDS: boothd's status says so
+until_status() { "$programs/booth_status" /run/boothd/control.sock --until "$1" "$2" >/dev/null; }
 show() { journalctl -b --no-pager -o short-precise -u boothd -u boothd.slice -k | tail -40; }
 active() { [ "$(systemctl is-active boothd.service)" = active ]; }
-becomes() { within 90 eval "[ \"\$(state)\" = $1 ]" || { boothctl status || true; show; fail "boothd does not become $1 $2"; }; }
-whole() { [ "$(boothctl status --json | jq '[.cameras[] | select(.state == "running")] | length')" = 2 ]; }
+becomes() { until_status "state=$1" 90 || { boothctl status || true; show; fail "boothd does not become $1 $2"; }; }
 uptime_now() { cut -d' ' -f1 /proc/uptime; }
 killed() { awk '$1 == "oom_kill" { print $2 }' $slice/memory.events; }
 limit() { systemctl set-property --runtime boothd.slice "MemoryHigh=$1" "MemoryMax=$2" || fail "the limit of memory cannot be set"; }
@@ -46,7 +46,7 @@ enabled = false
 EOT
 systemctl stop booth-sensors
 systemctl restart boothd || { show; fail "boothd does not start with simulated cameras"; }
-within 60 whole || { boothctl status; show; fail "not all cameras run"; }
+until_status running=2 60 || { boothctl status; show; fail "not all cameras run"; }
 [ "$(systemctl show -P OOMPolicy boothd)" = stop ] || fail "the unit has lost its OOMPolicy"
 
 sessions=/var/lib/boothd/sessions
@@ -63,8 +63,7 @@ for round in $(seq "$BOOTH_TIMES"); do
       boothctl start >/dev/null || fail "a session is refused"
       # Estimating may be over before anybody looks.
       if [ $state = tracking ]; then becomes tracking "before kill $kills"; sleep 2; fi
-      folder=$(boothctl status --json | jq -r .session_folder)
-      told=$(boothctl status --json | jq .frames)
+      read -r folder told <<<"$("$programs/booth_status" /run/boothd/control.sock session_folder frames)"
     fi
     before=$(killed) old=$(systemctl show -P MainPID boothd)
     begin=$(uptime_now)
@@ -72,7 +71,7 @@ for round in $(seq "$BOOTH_TIMES"); do
     within 5 eval '[ "$(killed)" -gt '"$before"' ]' || { show; cat $slice/memory.*; fail "the kernel kills nobody although the limit of memory is hit"; }
     within 10 eval 'active && [ "$(systemctl show -P MainPID boothd)" != '"$old"' ]' || { systemctl status boothd --no-pager || true; show; fail "boothd is not READY again within 10 s ($state)"; }
     ready=$(awk -v a="$begin" '{ printf "%.1f", $1 - a }' /proc/uptime)
-    within 30 whole || { boothctl status; show; fail "the cameras do not come back within 30 s ($state)"; }
+    until_status running=2 30 || { boothctl status; show; fail "the cameras do not come back within 30 s ($state)"; }
     all=$(awk -v a="$begin" '{ printf "%.1f", $1 - a }' /proc/uptime)
     kills=$((kills + 1))
     worst=$(awk -v a="$worst" -v b="$ready" 'BEGIN { print (a > b ? a : b) }')
