@@ -14,7 +14,7 @@ Eigen::Matrix3d calibrated_joint_covariance(const Eigen::Matrix3d& curvature, in
 /// The inverse, for calibration.
 Eigen::Matrix3d curvature_of(const Eigen::Matrix3d& calibrated, int joint, JointVisibility visibility, double coverage);
 
-/// How much larger deviations of joints and of the shape's coefficients are where points explain only the part `coverage` of the surface; at least 1.
+/// How much larger deviations of the shape's coefficients are where points explain only the part `coverage` of the surface; at least 1.
 double one_side_factor(double coverage);
 
 }  // namespace booth::fit
