@@ -2,6 +2,7 @@
 #include "daemon/pipeline/offline_run.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <stdexcept>
 #include <vector>
 
@@ -17,28 +18,26 @@ struct Feed {
   bool ended = false;
 };
 
-void read_ahead(Feed& feed, int index) {
-  if (feed.ended || feed.ahead >= 0) return;
+/// Reads the next frame of a feed that has none ahead. False: its camera does not give it yet.
+bool read_ahead(Feed& feed, int index, std::chrono::milliseconds timeout) {
+  if (feed.ended || feed.ahead >= 0) return true;
   const int slot = feed.free.back();
-  constexpr int kPatience = 300;  // times 100 ms: a recording on a slow disk
-  for (int turn = 0; turn < kPatience; ++turn) {
-    hal::DepthFrame& frame = feed.slots[static_cast<std::size_t>(slot)];
-    switch (feed.camera->read(frame, std::chrono::milliseconds(100))) {
-      case hal::ReadStatus::frame:
-        frame.camera = static_cast<hal::CameraIndex>(index);
-        feed.free.pop_back();
-        feed.ahead = slot;
-        return;
-      case hal::ReadStatus::timeout:
-        continue;
-      case hal::ReadStatus::ended:
-        feed.ended = true;
-        return;
-      case hal::ReadStatus::lost:
-        throw std::runtime_error(feed.camera->last_error());
-    }
+  hal::DepthFrame& frame = feed.slots[static_cast<std::size_t>(slot)];
+  switch (feed.camera->read(frame, timeout)) {
+    case hal::ReadStatus::frame:
+      frame.camera = static_cast<hal::CameraIndex>(index);
+      feed.free.pop_back();
+      feed.ahead = slot;
+      return true;
+    case hal::ReadStatus::timeout:
+      return false;
+    case hal::ReadStatus::ended:
+      feed.ended = true;
+      return true;
+    case hal::ReadStatus::lost:
+      throw std::runtime_error(feed.camera->last_error());
   }
-  throw std::runtime_error("camera " + feed.camera->description().name + " gave no frame for 30 s");
+  return false;
 }
 
 class OfflineRun {
@@ -60,7 +59,7 @@ class OfflineRun {
     for (auto& feed : feeds_) feed.camera->start();
     fitter_.reset();
     while (true) {
-      for (std::size_t i = 0; i < feeds_.size(); ++i) read_ahead(feeds_[i], static_cast<int>(i));
+      read_all_ahead();
       Feed* first = nullptr;
       for (auto& feed : feeds_) {
         if (feed.ahead >= 0 && (!first || captured(feed) < captured(*first))) first = &feed;
@@ -81,6 +80,22 @@ class OfflineRun {
   }
 
  private:
+  /// A camera that gives nothing yet waits for the others: at Pace::fast none runs far ahead of another, so after a gap its next frame lies later than all of
+  /// theirs. Where nobody gives anything it is the disk that is slow.
+  void read_all_ahead() {
+    constexpr int kPatience = 300;  // times 100 ms
+    for (int turn = 0; turn <= kPatience; ++turn) {
+      const Feed* waits = nullptr;
+      bool any = false;
+      for (std::size_t i = 0; i < feeds_.size(); ++i) {
+        if (!read_ahead(feeds_[i], static_cast<int>(i), std::chrono::milliseconds(turn == 0 ? 0 : 100))) waits = &feeds_[i];
+        any |= feeds_[i].ahead >= 0;
+      }
+      if (any || !waits) return;
+      if (turn == kPatience) throw std::runtime_error("camera " + waits->camera->description().name + " gave no frame for 30 s");
+    }
+  }
+
   hal::MonotonicTime captured(const Feed& feed) const { return feed.slots[static_cast<std::size_t>(feed.ahead)].captured; }
 
   void release(const ReleasedSlots& released) {
