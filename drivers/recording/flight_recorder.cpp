@@ -52,7 +52,7 @@ class MemoryRecorder final : public hal::FlightRecorder {
         background_(background),
         clock_(clock),
         ring_(ring_bytes(settings), hal::from_seconds(settings.seconds)),
-        context_{ring_, clock_, cameras_, background_, settings.keep_free_bytes, settings.seal} {
+        context_{ring_, clock_, cameras_, background_, settings.keep_free_bytes, settings.seal, [this] { settle(2s); }} {
     std::size_t most = 0;
     if (settings_.depth)
       for (const auto& c : cameras_) {
@@ -124,8 +124,7 @@ class MemoryRecorder final : public hal::FlightRecorder {
   std::string snapshot(const std::string& reason) override {
     const std::lock_guard lock(job_mutex_);
     if (snapshot_ && snapshot_->running()) return "a snapshot is being written already: " + snapshot_->status().path;
-    // What is in the slots now is of before the question, too.
-    std::this_thread::sleep_for(20ms);
+    settle(100ms);  // what is in the slots now is of before the question, too
     RecordingOrder order{.path = settings_.directory / name("snapshot"),
                          .depth = settings_.depth,
                          .from = ring_.oldest(),
@@ -180,15 +179,26 @@ class MemoryRecorder final : public hal::FlightRecorder {
     // A thread is a process here: only this one is nice.
     (void)::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNiceness);
     while (!ended_) {
-      if (!pack()) std::this_thread::sleep_for(5ms);
+      if (pack()) continue;
+      emptied_.fetch_add(1);
+      std::this_thread::sleep_for(5ms);
     }
-    pack();
+    while (pack()) {
+    }
+    packed_all_ = true;
   }
 
+  /// Until what was handed in before is in the ring; a processor that is taken away delays that, so for `patience` at most.
+  void settle(std::chrono::milliseconds patience) const {
+    const std::uint64_t rounds = emptied_ + 2;  // the round that is under way may have passed a slot before it was filled
+    for (auto left = patience; left > 0ms && emptied_ < rounds && !packed_all_; left -= 5ms) std::this_thread::sleep_for(5ms);
+  }
+
+  /// One frame of each camera, then all groups and events: what is small never waits long for what is large. False when there was nothing.
   bool pack() {
     bool any = false;
     for (std::size_t i = 0; i < depth_.size(); ++i)
-      while (DepthSlot* slot = depth_[i]->to_read()) {
+      if (DepthSlot* slot = depth_[i]->to_read()) {
         const std::size_t size = rvl_pack(slot->depth, packed_.data());
         if (!ring_.push({Moment::Kind::depth, static_cast<std::uint8_t>(i), slot->captured}, {packed_.data(), size}))
           dropped_.fetch_add(1, std::memory_order_relaxed);
@@ -221,7 +231,8 @@ class MemoryRecorder final : public hal::FlightRecorder {
   std::vector<std::byte> packed_;
   std::mutex event_mutex_;
   std::deque<std::pair<hal::MonotonicTime, std::string>> events_;
-  std::atomic<std::uint64_t> dropped_{0};
+  std::atomic<std::uint64_t> dropped_{0}, emptied_{0};  ///< emptied_: how often nothing waited to be packed
+  std::atomic<bool> packed_all_{false};
 
   std::mutex job_mutex_;
   std::unique_ptr<RecordingJob> recording_, snapshot_;

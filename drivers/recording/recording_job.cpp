@@ -87,7 +87,10 @@ void RecordingJob::write() {
     while (true) {
       const hal::MonotonicTime now = context_.clock.now();
       // What was handed in before the end belongs to the recording: first the end, then what is there.
-      if (!until && !(end = over(now)).empty()) until = context_.ring.next().number;
+      if (!until && !(end = over(now)).empty()) {
+        context_.settle();
+        until = context_.ring.next().number;
+      }
       const bool got = (!until || cursor.number < *until) && context_.ring.read(cursor, moment, bytes, missed);
       if (got) earliest = std::min(earliest.value_or(moment.time), moment.time), latest = std::max(latest, moment.time);
       if (got && moment.kind == Moment::Kind::depth && order_.depth) {

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -23,7 +24,8 @@ struct RecordingContext {
   const std::vector<hal::CameraDescription>& cameras;
   const std::vector<hal::DepthFrame>& background;
   std::uint64_t keep_free_bytes = 0;
-  hal::SealFiles seal{};  ///< empty: recordings are plain
+  hal::SealFiles seal{};           ///< empty: recordings are plain
+  std::function<void()> settle{};  ///< waits until what was handed in before is in the ring
 };
 
 struct RecordingOrder {
