@@ -52,7 +52,7 @@ class MemoryRecorder final : public hal::FlightRecorder {
         background_(background),
         clock_(clock),
         ring_(ring_bytes(settings), hal::from_seconds(settings.seconds)),
-        context_{ring_, clock_, cameras_, background_, settings.keep_free_bytes, settings.seal, [this] { settle(2s); }} {
+        context_{ring_, clock_, cameras_, background_, settings.keep_free_bytes, settings.seal, [this] { settle(10s); }} {
     std::size_t most = 0;
     if (settings_.depth)
       for (const auto& c : cameras_) {
@@ -97,6 +97,7 @@ class MemoryRecorder final : public hal::FlightRecorder {
   void event(const std::string& kind, const std::string& source, const std::string& text) override {
     const std::lock_guard lock(event_mutex_);
     if (events_.size() >= kEvents) events_.pop_front();
+    ++events_told_;
     events_.emplace_back(clock_.now(),
                          "{\"kind\":" + json_text(kind) + ",\"source\":" + json_text(source) + ",\"text\":" + json_text(text.substr(0, kLongestText)) + "}");
   }
@@ -179,19 +180,27 @@ class MemoryRecorder final : public hal::FlightRecorder {
     // A thread is a process here: only this one is nice.
     (void)::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNiceness);
     while (!ended_) {
-      if (pack()) continue;
-      emptied_.fetch_add(1);
-      std::this_thread::sleep_for(5ms);
+      if (!pack()) std::this_thread::sleep_for(5ms);
     }
     while (pack()) {
     }
-    packed_all_ = true;
   }
 
   /// Until what was handed in before is in the ring; a processor that is taken away delays that, so for `patience` at most.
-  void settle(std::chrono::milliseconds patience) const {
-    const std::uint64_t rounds = emptied_ + 2;  // the round that is under way may have passed a slot before it was filled
-    for (auto left = patience; left > 0ms && emptied_ < rounds && !packed_all_; left -= 5ms) std::this_thread::sleep_for(5ms);
+  void settle(std::chrono::milliseconds patience) {
+    std::vector<std::size_t> frames;
+    for (const auto& slots : depth_) frames.push_back(slots->handed_over());
+    const std::size_t groups = groups_.handed_over();
+    const std::uint64_t events = [this] {
+      const std::lock_guard lock(event_mutex_);
+      return events_told_;
+    }();
+    const auto packed = [&] {
+      for (std::size_t i = 0; i < depth_.size(); ++i)
+        if (depth_[i]->given_back() < frames[i]) return false;
+      return groups_.given_back() >= groups && events_packed_ >= events;
+    };
+    for (auto left = patience; left > 0ms && !packed(); left -= 5ms) std::this_thread::sleep_for(5ms);
   }
 
   /// One frame of each camera, then all groups and events: what is small never waits long for what is large. False when there was nothing.
@@ -211,11 +220,14 @@ class MemoryRecorder final : public hal::FlightRecorder {
       any = true;
     }
     std::deque<std::pair<hal::MonotonicTime, std::string>> events;
+    std::uint64_t told = 0;
     {
       const std::lock_guard lock(event_mutex_);
       events.swap(events_);
+      told = events_told_;
     }
     for (const auto& [time, text] : events) (void)ring_.push({Moment::Kind::event, 0, time}, std::as_bytes(std::span(text)));
+    events_packed_ = told;
     return any;
   }
 
@@ -231,8 +243,8 @@ class MemoryRecorder final : public hal::FlightRecorder {
   std::vector<std::byte> packed_;
   std::mutex event_mutex_;
   std::deque<std::pair<hal::MonotonicTime, std::string>> events_;
-  std::atomic<std::uint64_t> dropped_{0}, emptied_{0};  ///< emptied_: how often nothing waited to be packed
-  std::atomic<bool> packed_all_{false};
+  std::uint64_t events_told_ = 0;  ///< under event_mutex_
+  std::atomic<std::uint64_t> dropped_{0}, events_packed_{0};
 
   std::mutex job_mutex_;
   std::unique_ptr<RecordingJob> recording_, snapshot_;

@@ -18,6 +18,10 @@ class SlotRing {
   T* to_read() { return head_.load(std::memory_order_relaxed) == tail_.load(std::memory_order_acquire) ? nullptr : &slots_[head_ % Slots]; }
   void done() { head_.store(head_.load(std::memory_order_relaxed) + 1, std::memory_order_release); }
 
+  /// How many were ever handed over, and given back; for any thread.
+  std::size_t handed_over() const { return tail_.load(std::memory_order_acquire); }
+  std::size_t given_back() const { return head_.load(std::memory_order_acquire); }
+
   std::array<T, Slots>& slots() { return slots_; }
 
  private:

@@ -181,6 +181,44 @@ TEST_F(FlightRecorderTest, UncompressedIsTheSame) {
   EXPECT_EQ(f.depth, frame_of(0, static_cast<std::uint64_t>((f.captured + source.live.to_live - start) / 33ms), start).depth);
 }
 
+TEST_F(FlightRecorderTest, WhatWasHandedInBeforeTheEndIsInTheRecording) {
+  // Images that take the packing thread far longer than the writing thread takes to hear of the end.
+  auto large = cameras();
+  for (auto& c : large) c.intrinsics.width = 1024, c.intrinsics.height = 848;
+  settings.directory = directory;
+  settings.depth = true;
+  settings.memory_bytes = 64 << 20;
+  settings.keep_free_bytes = 0;
+  recorder = make_flight_recorder(settings, large, {}, clock);
+  hal::DepthFrame frame;
+  frame.depth.resize(1024 * 848);
+  std::mt19937 random(3);
+  for (auto& d : frame.depth) d = static_cast<std::uint16_t>(random() % 5 ? 1000 + random() % 100 : 0);
+  EXPECT_EQ(recorder->record(true, false, 1000, {}), "");
+  constexpr int kFrames = 6;  // fewer than there are slots: none is dropped
+  for (int n = 0; n < kFrames; ++n) {
+    frame.captured = start + n * 33ms;
+    for (std::size_t c = 0; c < 2; ++c) frame.camera = static_cast<hal::CameraIndex>(c), recorder->frame(frame);
+    hal::FittedGroup group;
+    group.sequence = static_cast<std::uint64_t>(n);
+    group.reference = frame.captured;
+    recorder->fitted(group);
+  }
+  recorder->event("fault", "test", "the last word");
+  recorder->stop();
+  ASSERT_TRUE(eventually([&] { return !recorder->status(false).recording.running; }));
+  const auto status = recorder->status(false);
+  EXPECT_EQ(status.dropped, 0u);
+  EXPECT_EQ(status.recording.frames, 2u * kFrames);
+  EXPECT_EQ(open_recording(status.recording.path, Pace::fast, std::make_shared<ManualClock>()).live.groups.size(), static_cast<std::size_t>(kFrames));
+  std::string bytes;
+  for (const auto& file : fs::directory_iterator(status.recording.path)) {
+    std::ifstream in(file.path(), std::ios::binary);
+    bytes.append(std::istreambuf_iterator<char>(in), {});
+  }
+  EXPECT_THAT(bytes, HasSubstr("the last word"));
+}
+
 TEST_F(FlightRecorderTest, EndsByTimeAndWhenNobodyAsks) {
   build(true);
   EXPECT_EQ(recorder->record(true, false, 0.05, {}), "");

@@ -22,7 +22,11 @@ int main(int argc, char** argv) {
   app.add_option("--markdown", markdown, "Table for the reference page");
   app.add_option("--json", json, "The same for programs");
   app.add_flag("--judge-times", judge_times, "Fail when READY takes more than 10 s or all cameras more than 30 s: for a machine that does nothing else");
-  CLI11_PARSE(app, argc, argv);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 64;
+  }
   for (const auto& name : names)
     if (std::none_of(all_faults().begin(), all_faults().end(), [&](const Fault& f) { return f.name == name; })) {
       std::cerr << "booth-faults: no fault \"" << name << "\"; there are";

@@ -27,7 +27,11 @@ int main(int argc, char** argv) {
   app.add_flag("--no-faults", plan.no_faults, "Sessions and idle only, in one process from begin to end");
   app.add_option("--json", json, "Samples and verdict");
   app.add_option("--markdown", markdown, "The verdict as a table");
-  CLI11_PARSE(app, argc, argv);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 64;
+  }
   plan.length = std::chrono::duration_cast<std::chrono::seconds>(std::chrono::duration<double>(hours * 3600));
   if (plan.window * 120 > static_cast<double>(plan.length.count())) {
     std::cerr << "booth-soak: the first and the last " << plan.window << " minutes overlap in " << plan.length.count() << " s; give a smaller --window\n";

@@ -88,6 +88,8 @@ int main(int argc, char** argv) {
     if (name.empty() || now() >= limit) break;
     ::nanosleep(&kPause, nullptr);
   }
-  std::fprintf(stderr, "booth_status: %s says %s\n", argv[1], said.empty() ? "nothing" : said.c_str());
+  if (said.empty()) std::fprintf(stderr, "booth_status: nobody answers at %s; is boothd running?\n", argv[1]);
+  if (!said.empty())
+    std::fprintf(stderr, "booth_status: %s is not what was waited for; boothd says %s", name.empty() ? "the answer" : name.c_str(), said.c_str());
   return 1;
 }

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
-#include <iostream>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -52,22 +51,35 @@ struct RecordingProgram : ::testing::Test {
     return status;
   }
   json ask(const json& request) { return json::parse(ControlClient(socket).ask(request.dump())); }
-  int lost_by_recorder() { return ask({{"request", "record_status"}})["dropped"].get<int>(); }
-  /// Tracks the recording again, into "replay": the same bits. A loaded machine takes frames from the recorder, whose thread is nice, and where it took any of
-  /// the first there may be nothing that can be fitted as it was live; then this is false.
-  bool replays_as_live(const fs::path& bag, int lost) {
-    const int status = ctl({"track", bag.string(), "--as-live", "--out", (folder.path / "replay").string()});
-    if (lost > 0 && status != 0) {
-      EXPECT_THAT(err, HasSubstr("no session begins in it"));
-      std::cout << "the recorder lost " << lost << " frames on this loaded machine: nothing to compare\n";
-      return false;
+  /// Makes a recording, and more of them, up to five, where a loaded machine took frames from the recorder, whose thread is nice. `record` gives the path and
+  /// leaves a session running.
+  template <class F>
+  std::vector<fs::path> recordings(F record) {
+    std::vector<fs::path> made;
+    for (bool whole = false; !whole && made.size() < 5;) {
+      const int before = ask({{"request", "record_status"}})["dropped"].get<int>();
+      made.push_back(record());
+      const json status = ask({{"request", "record_status"}});
+      whole = status["dropped"].get<int>() + status["recording"]["missed"].get<int>() == before;
+      EXPECT_EQ(ask({{"request", "stop"}})["ok"], true);
+      EXPECT_TRUE(eventually([&] { return ask({{"request", "status"}})["state"] == "idle"; }, 60s));
     }
-    EXPECT_EQ(status, 0) << err;
-    int identical = 0, all = -1;
-    EXPECT_EQ(std::sscanf(err.c_str(), "%d of %d frames have the very bits", &identical, &all), 2) << err;
-    EXPECT_EQ(identical, all) << err;
-    EXPECT_GE(all, lost == 0 ? 5 : 1) << err;
-    return true;
+    return made;
+  }
+  /// Every frame that can be fitted as it was live gives the same bits. The last recording is asked first, because it lost nothing if any did not; "replay"
+  /// is of the one in which there are frames enough, and its path is the result.
+  fs::path replays_as_live(const std::vector<fs::path>& bags) {
+    for (auto bag = bags.rbegin(); bag != bags.rend(); ++bag) {
+      const int status = ctl({"track", bag->string(), "--as-live", "--out", (folder.path / "replay").string()});
+      if (status != 0 && bags.size() > 1 && err.find("no session begins in it") != std::string::npos) continue;
+      EXPECT_EQ(status, 0) << err;
+      int identical = 0, all = -1;
+      EXPECT_EQ(std::sscanf(err.c_str(), "%d of %d frames have the very bits", &identical, &all), 2) << err;
+      EXPECT_EQ(identical, all) << err;
+      if (all >= 5) return *bag;
+    }
+    ADD_FAILURE() << "no recording of " << bags.size() << " has five frames that can be fitted as they were live: " << err;
+    return bags.back();
   }
   /// A reader that does not know us; false with the reason where it is not installed.
   bool stranger(const std::string& script, const fs::path& what, std::string& why) {
@@ -86,23 +98,23 @@ struct RecordingProgram : ::testing::Test {
 
 TEST_F(RecordingProgram, IsReplayedToTheSameBitsAndReadByStrangers) {
   start(true);
-  Program recorder("boothctl", {"record", "--depth", "--socket", socket}, folder.path / "record");
-  ASSERT_TRUE(eventually([&] { return ask({{"request", "record_status"}})["recording"]["running"] == true; }, 30s)) << recorder.err();
-  EXPECT_EQ(ask({{"request", "start"}})["ok"], true);
-  ASSERT_TRUE(eventually([&] { return ask({{"request", "status"}})["frames"].get<int>() >= 30; }, 100s));
-  EXPECT_EQ(ctl({"snapshot", "--json"}, socket), 0) << err;
-  EXPECT_GT(json::parse(out)["frames"].get<int>(), 0);
-  recorder.signal(SIGINT);
-  EXPECT_EQ(recorder.wait(), 0) << recorder.err();
-  const fs::path bag = recorder.out().substr(0, recorder.out().find('\n'));
-  EXPECT_TRUE(fs::exists(bag / "metadata.yaml")) << bag;
-  EXPECT_EQ(ask({{"request", "stop"}})["ok"], true);
+  const auto bags = recordings([&]() -> fs::path {
+    Program recorder("boothctl", {"record", "--depth", "--socket", socket}, folder.path / "record");
+    EXPECT_TRUE(eventually([&] { return ask({{"request", "record_status"}})["recording"]["running"] == true; }, 30s)) << recorder.err();
+    EXPECT_EQ(ask({{"request", "start"}})["ok"], true);
+    EXPECT_TRUE(eventually([&] { return ask({{"request", "status"}})["frames"].get<int>() >= 30; }, 100s));
+    EXPECT_EQ(ctl({"snapshot", "--json"}, socket), 0) << err;
+    EXPECT_GT(json::parse(out)["frames"].get<int>(), 0);
+    recorder.signal(SIGINT);
+    EXPECT_EQ(recorder.wait(), 0) << recorder.err();
+    return recorder.out().substr(0, recorder.out().find('\n'));
+  });
+  for (const fs::path& bag : bags) EXPECT_TRUE(fs::exists(bag / "metadata.yaml")) << bag;
   EXPECT_EQ(ask({{"request", "status"}})["recorder"]["depth_allowed"], true);
-  const int lost = lost_by_recorder();
   boothd->signal(SIGTERM);
   EXPECT_EQ(boothd->wait(), 0);
 
-  const bool replayed = replays_as_live(bag, lost);
+  const fs::path bag = replays_as_live(bags);
 
   std::string why;
   if (!stranger("read_bag.cjs", bag, why)) GTEST_SKIP() << why;
@@ -115,7 +127,6 @@ TEST_F(RecordingProgram, IsReplayedToTheSameBitsAndReadByStrangers) {
   EXPECT_LT(mean, 5000);
   EXPECT_EQ(read["camera_info"]["width"], 512);
   EXPECT_GE(read["events"].get<int>(), 2);
-  if (!replayed) return;
   EXPECT_TRUE(stranger("validate_glb.cjs", folder.path / "replay" / "body.glb", why));
   EXPECT_EQ(json::parse(out)["errors"], 0);
   EXPECT_EQ(json::parse(out)["animations"], 1);
@@ -128,18 +139,19 @@ TEST_F(RecordingProgram, SealedItOpensForTheKeyAloneAndIsReplayedToTheSameBits) 
   const std::string shown = out.substr(out.rfind(' ') + 1);
   start(true, {"privacy.seal_to=" + base + ".public"});
   EXPECT_THAT(boothd->err(), HasSubstr("are sealed to key " + shown.substr(0, 16)));
-  EXPECT_EQ(ask({{"request", "record"}, {"depth", true}, {"seconds", 600}})["ok"], true);
-  EXPECT_EQ(ask({{"request", "start"}})["ok"], true);
-  // Who wants the recording to go on, asks.
-  ASSERT_TRUE(eventually([&] { return ask({{"request", "record_status"}})["ok"] == true && ask({{"request", "status"}})["frames"].get<int>() >= 30; }, 100s));
-  const std::string session = ask({{"request", "status"}})["session_folder"];
-  EXPECT_EQ(ctl({"snapshot"}, socket), 0) << err;
-  EXPECT_EQ(ask({{"request", "record_stop"}})["ok"], true);
-  ASSERT_TRUE(eventually([&] { return ask({{"request", "record_status"}})["recording"]["running"] == false; }, 60s));
-  const std::string bag = ask({{"request", "record_status"}})["recording"]["path"];
-  const int lost = lost_by_recorder();
-  EXPECT_EQ(ask({{"request", "stop"}})["ok"], true);
-  ASSERT_TRUE(eventually([&] { return ask({{"request", "status"}})["state"] == "idle"; }, 60s));
+  std::string session;
+  const auto bags = recordings([&]() -> fs::path {
+    EXPECT_EQ(ask({{"request", "record"}, {"depth", true}, {"seconds", 600}})["ok"], true);
+    EXPECT_EQ(ask({{"request", "start"}})["ok"], true);
+    // Who wants the recording to go on, asks.
+    EXPECT_TRUE(eventually([&] { return ask({{"request", "record_status"}})["ok"] == true && ask({{"request", "status"}})["frames"].get<int>() >= 30; }, 100s));
+    session = ask({{"request", "status"}})["session_folder"];
+    EXPECT_EQ(ctl({"snapshot"}, socket), 0) << err;
+    EXPECT_EQ(ask({{"request", "record_stop"}})["ok"], true);
+    EXPECT_TRUE(eventually([&] { return ask({{"request", "record_status"}})["recording"]["running"] == false; }, 60s));
+    return ask({{"request", "record_status"}})["recording"]["path"].get<std::string>();
+  });
+  const std::string bag = bags.front();
   boothd->signal(SIGTERM);
   EXPECT_EQ(boothd->wait(), 0);
   EXPECT_EQ(boothd->err().find("is refused"), std::string::npos) << "sealing needs a call that boothd's own list does not have: " << boothd->err();
@@ -160,10 +172,14 @@ TEST_F(RecordingProgram, SealedItOpensForTheKeyAloneAndIsReplayedToTheSameBits) 
   EXPECT_EQ(ctl({"decrypt", session, "--key", key, "--out", (folder.path / "s").string()}), 0) << err;
   EXPECT_EQ(read_text(folder.path / "s" / "skeleton.csv"), read_text(folder.path / "x.csv"));
   EXPECT_TRUE(json::parse(read_text(folder.path / "s" / "session.json")).contains("beta"));
-  ASSERT_EQ(ctl({"decrypt", bag, "--key", key, "--out", (folder.path / "b").string()}), 0) << err;
-  EXPECT_EQ(ctl({"decrypt", (folder.path / "b").string(), "--key", key}), 1);
+  std::vector<fs::path> open;
+  for (const fs::path& sealed : bags) {
+    open.push_back(folder.path / ("b" + std::to_string(open.size())));
+    ASSERT_EQ(ctl({"decrypt", sealed.string(), "--key", key, "--out", open.back().string()}), 0) << err;
+  }
+  EXPECT_EQ(ctl({"decrypt", open.front().string(), "--key", key}), 1);
   EXPECT_THAT(err, HasSubstr("is not sealed"));
-  (void)replays_as_live(folder.path / "b", lost);
+  (void)replays_as_live(open);
 }
 
 TEST_F(RecordingProgram, AKeyThatIsNotThereMeansNoStart) {
