@@ -199,6 +199,7 @@ std::vector<std::string> recover_bags(const fs::path& directory) {
       found.push_back(it->path());
   }
   std::sort(found.begin(), found.end());
+  said.reserve(found.size());
   for (const auto& path : found) said.push_back(is_sealed_recording(path) ? recover_sealed(path) : recover_bag(path));
   return said;
 }

@@ -83,6 +83,7 @@ std::vector<TruthRow> read_truth_csv(const std::filesystem::path& path) {
   };
   const std::size_t time_column = column("timestamp");
   std::vector<std::size_t> columns;
+  columns.reserve(hal::kTruthDofs + 3 * kJointNames.size());
   for (int i = 0; i < hal::kTruthDofs; ++i) columns.push_back(column("q" + std::to_string(i)));
   for (const auto name : kJointNames)
     for (const char* axis : {"_x", "_y", "_z"}) columns.push_back(column(std::string(name) + axis));

@@ -67,8 +67,8 @@ std::optional<ShownBoard> SimulatedInstaller::shows() const {
 }
 
 hal::DepthCameras make_board_cameras(const std::vector<hal::CameraDescription>& real, const std::vector<hal::CameraDescription>& told,
-                                     const std::vector<BoardViewSettings>& settings, double rate, std::shared_ptr<const SimulatedInstaller> installer,
-                                     std::shared_ptr<hal::Clock> clock) {
+                                     const std::vector<BoardViewSettings>& settings, double rate, const std::shared_ptr<const SimulatedInstaller>& installer,
+                                     const std::shared_ptr<hal::Clock>& clock) {
   if (real.size() != told.size() || real.size() != settings.size() || !(rate > 0))
     throw std::invalid_argument("simulated cameras and their settings differ in number");
   hal::DepthCameras out;

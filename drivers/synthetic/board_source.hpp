@@ -28,7 +28,7 @@ class SimulatedInstaller {
 /// One camera for each description, which says where it really stands; `told` are what the cameras say of themselves (where they should stand). Frames come at
 /// `rate` a second with infrared where the slot was sized for it. Throws std::invalid_argument when the two lists differ in length.
 hal::DepthCameras make_board_cameras(const std::vector<hal::CameraDescription>& real, const std::vector<hal::CameraDescription>& told,
-                                     const std::vector<BoardViewSettings>& settings, double rate, std::shared_ptr<const SimulatedInstaller> installer,
-                                     std::shared_ptr<hal::Clock> clock);
+                                     const std::vector<BoardViewSettings>& settings, double rate, const std::shared_ptr<const SimulatedInstaller>& installer,
+                                     const std::shared_ptr<hal::Clock>& clock);
 
 }  // namespace booth::drivers

@@ -85,8 +85,9 @@ void BoardCamera::paint(const ShownBoard& shown) {
   if (normal.dot(pose.translation) >= 0) return;  // its back: as if nobody held it
   int x0 = k.width, x1 = -1, y0 = k.height, y1 = -1;
   for (int i = 0; i < 16; ++i) {
-    const double x = (i % 4 / 1.5 - 1) * (0.5 * shown.board.width() + shown.board.square),
-                 y = (i / 4 / 1.5 - 1) * (0.5 * shown.board.height() + shown.board.square);
+    const int column = i % 4, row = i / 4;
+    const double x = (column / 1.5 - 1) * (0.5 * shown.board.width() + shown.board.square),
+                 y = (row / 1.5 - 1) * (0.5 * shown.board.height() + shown.board.square);
     const Eigen::Vector3d p = pose * Eigen::Vector3d(x, y, 0);
     if (p.z() < 0.2) return;
     const Eigen::Vector2d d = distort(k, p.x() / p.z(), p.y() / p.z());
@@ -99,7 +100,8 @@ void BoardCamera::paint(const ShownBoard& shown) {
       Surface& s = picture_[static_cast<std::size_t>(v * k.width + u)];
       double brightness = 0;
       for (int i = 0; i < kSide * kSide; ++i) {
-        const double du = (i % kSide + 0.5) / kSide - 0.5, dv = (i / kSide + 0.5) / kSide - 0.5;
+        const int column = i % kSide, row = i / kSide;
+        const double du = (column + 0.5) / kSide - 0.5, dv = (row + 0.5) / kSide - 0.5;
         const Eigen::Vector3d ray = undistorted_ray(k, u + du, v + dv).homogeneous();
         const double z = normal.dot(pose.translation) / normal.dot(ray);
         const Eigen::Vector3d p = z * ray, on = to_board * p;

@@ -54,7 +54,7 @@ PoseVector stand() {
 }
 
 /// Bends both legs and keeps the feet flat: the angles of each leg and the pelvis add up to zero.
-PoseVector crouched(PoseVector q, double pelvis, double hip, double knee) {
+PoseVector crouched(const PoseVector& q, double pelvis, double hip, double knee) {
   return with(q, {{"root_rx", pelvis},
                   {"lfemur_rx", -hip},
                   {"rfemur_rx", -hip},
@@ -234,6 +234,7 @@ const Act& act(std::string_view name) {
 
 std::vector<std::string_view> motion_names() {
   std::vector<std::string_view> names;
+  names.reserve(kActs.size() + 1);
   for (const Act& a : kActs) names.push_back(a.name);
   names.push_back("showcase");
   return names;

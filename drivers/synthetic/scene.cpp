@@ -255,7 +255,8 @@ Contact contact_of(const fit::BodyModel& model, const fit::Vertices& rest, const
 }
 
 double leg_scale(const fit::BodyModel& model, const fit::Points3& rest_joints) {
-  const fit::Points3 own = model.bone_vectors_from_joints(rest_joints), average = fit::average_bone_vectors();
+  const fit::Points3 own = model.bone_vectors_from_joints(rest_joints);
+  const fit::Points3& average = fit::average_bone_vectors();
   const int thigh = fit::bone_index("lfemur"), shank = fit::bone_index("ltibia");
   return (own.col(thigh).norm() + own.col(shank).norm()) / (average.col(thigh).norm() + average.col(shank).norm());
 }

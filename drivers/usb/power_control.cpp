@@ -63,7 +63,7 @@ PowerOutcome cannot_open(const Attribute& attribute, const std::string& what) {
 PowerControl::PowerControl(std::function<bool(const hal::UsbDevice&)> ours, std::filesystem::path root, std::function<void(hal::Nanoseconds)> pause)
     : ours_(std::move(ours)),
       sysfs_(root),
-      topology_(make_sysfs_topology(root)),
+      topology_(make_sysfs_topology(std::move(root))),
       pause_(pause ? std::move(pause) : [](hal::Nanoseconds t) { std::this_thread::sleep_for(t); }) {
   (void)look();
 }

@@ -20,7 +20,10 @@ struct Board {
 
   double width() const { return kColumns * square; }
   double height() const { return kRows * square; }
-  Eigen::Vector3d corner(int id) const { return {(id % kCornerColumns + 1 - 0.5 * kColumns) * square, (0.5 * kRows - 1 - id / kCornerColumns) * square, 0}; }
+  Eigen::Vector3d corner(int id) const {
+    const int column = id % kCornerColumns, row = id / kCornerColumns;
+    return {(column + 1 - 0.5 * kColumns) * square, (0.5 * kRows - 1 - row) * square, 0};
+  }
   /// Of the cell in this row from the top and column from the left.
   static bool black(int row, int column) { return (row + column) % 2 == 0; }
   /// A dot of the other colour in the middle of the cell.

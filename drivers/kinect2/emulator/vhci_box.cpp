@@ -8,6 +8,7 @@
 #include <atomic>
 #include <cerrno>
 #include <condition_variable>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <mutex>
@@ -65,7 +66,13 @@ class Box final : public VhciBox {
     }
     wake_.notify_all();
     keeper_.join();
-    for (int i = 0; i < static_cast<int>(slots_.size()); ++i) unplug(i);
+    for (Slot& slot : slots_) {
+      try {
+        let_go(slot);
+      } catch (const std::exception& e) {
+        std::fprintf(stderr, "emulated sensors: %s\n", e.what());  // the port stays taken; whoever plugs in next is told so too
+      }
+    }
   }
 
   int add(VhciDeviceSettings settings) override {
