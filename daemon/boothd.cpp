@@ -23,11 +23,13 @@
 #include "daemon/ctl/record_protocol.hpp"
 #include "daemon/dds/configured.hpp"
 #include "daemon/dds/dds_link.hpp"
+#include "daemon/dds/network_there.hpp"
 #include "daemon/dds/ros2/cloud_tap.hpp"
 #include "daemon/dds/ros2/ros2_mirror.hpp"
 #include "daemon/drivers_factory.gpio.hpp"
 #include "daemon/drivers_factory.hpp"
 #include "daemon/drivers_factory.recorder.hpp"
+#include "daemon/health/another_try.hpp"
 #include "daemon/health/failed_light.hpp"
 #include "daemon/health/log.hpp"
 #include "daemon/health/messages.hpp"
@@ -176,9 +178,18 @@ struct PanelParts {
   std::optional<PanelLink> link;
 };
 
+/// The network that DDS should have and does not have yet; null where it is there, and where nobody would start boothd again when it comes.
+std::unique_ptr<NetworkThere> missing_network(const Config& config) {
+  if (!config.dds.enabled || !is_supervised()) return nullptr;
+  auto network = stage(kUnavailable, [&] { return std::make_unique<NetworkThere>(config.dds.interface); });
+  if (network->there()) return nullptr;
+  log_line(LogLevel::warning, network->sentence());
+  return network;
+}
+
 /// Waits for SIGTERM or SIGINT; meanwhile tells systemd that all threads move, or why not. Returns the exit status.
 ExitStatus watch(const sigset_t& signals, const Pipeline& pipeline, const Controller& controller, const PanelParts& panel, const Calibrator& calibrator,
-                 const hal::Clock& clock) {
+                 const NetworkThere* awaited, const hal::Clock& clock) {
   const bool supervised = is_supervised();
   ProgressWatch progress(kWatchPatience);
   const auto interval = watchdog_interval();
@@ -193,6 +204,10 @@ ExitStatus watch(const sigset_t& signals, const Pipeline& pipeline, const Contro
     }
     if (supervised && controller.state() == SessionState::idle && calibrator.status().restart) {
       log_message(LogLevel::info, Message::stopping, "boothd begins anew, with the new calibration");
+      return kAgain;
+    }
+    if (awaited && controller.state() == SessionState::idle && awaited->there()) {
+      log_message(LogLevel::info, Message::stopping, "boothd begins anew, with the network that has come");
       return kAgain;
     }
     if (signal == SIGHUP) log_line(LogLevel::warning, "SIGHUP: the configuration is read at the start only; restart boothd to apply changes");
@@ -311,9 +326,13 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     settings.credential_problem = [&] { return expiry_problem(*credentials, utc_seconds(), config.dds.expiry_warning_days); };
     log_line(LogLevel::info, "DDS Security: " + settings.dds_security);
   }
+  const auto awaited = missing_network(config);
+  // Without any the library speaks within the machine; one that was named and is not there it refuses.
+  const bool without_dds = awaited && !config.dds.interface.empty();
+  if (without_dds) settings.dds_absent = awaited->sentence();
   Controller controller(std::move(settings), *source.clock);
   std::unique_ptr<DdsLink> dds;
-  if (config.dds.enabled) {
+  if (config.dds.enabled && !without_dds) {
     DdsSettings network = dds_settings(config);
     if (credentials) network.identity = credentials->identity;
     network.ros2 = ros2_settings(config, source.cameras);
@@ -341,13 +360,18 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
                           seal_to ? "; sessions and recordings are sealed to key " + seal_to->id() : ""));
   const auto guard = narrow_system_calls(config);
   notify_ready("idle");
-  const ExitStatus status = watch(signals, pipeline, controller, panel, calibration, *source.clock);
+  const ExitStatus status = watch(signals, pipeline, controller, panel, calibration, awaited.get(), *source.clock);
   notify_stopping();
   if (status == kInternal) {
     save_black_box(*recorder);
     std::_Exit(kInternal);  // joining a hung thread would hang, too
   }
   return status;
+}
+
+/// What is missing may come: then another start is of use.
+ExitStatus end_unavailable(const ConfigSources& sources, const sigset_t& signals) {
+  return is_supervised() && !pause_before_another_try(sources, signals) ? kStopped : kUnavailable;
 }
 
 int run(int argc, char** argv) {
@@ -392,10 +416,10 @@ int run(int argc, char** argv) {
     return serve(config, signals, check_only);
   } catch (const ConfigError& e) {
     for (const auto& problem : e.problems()) log_message(LogLevel::error, e.only_device_absent ? Message::start_failed : Message::configuration_wrong, problem);
-    return e.only_device_absent ? kUnavailable : kConfiguration;
+    return e.only_device_absent ? end_unavailable(sources, signals) : kConfiguration;
   } catch (const StartFailure& e) {
     log_message(LogLevel::error, e.status == kConfiguration ? Message::configuration_wrong : Message::start_failed, e.what());
-    return e.status;
+    return e.status == kUnavailable ? end_unavailable(sources, signals) : e.status;
   } catch (const std::exception& e) {
     log_message(LogLevel::error, Message::internal_fault, e.what());
     return kInternal;

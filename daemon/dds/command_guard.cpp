@@ -16,8 +16,8 @@ const auto kMostDone = static_cast<std::size_t>(CommandGuard::kAllBurst + Comman
 
 }  // namespace
 
-CommandGuard::CommandGuard(std::uint32_t version, std::int64_t began_utc_ns, CarryOut carry_out, std::function<std::uint8_t()> state)
-    : version_(version), began_utc_ns_(began_utc_ns), carry_out_(std::move(carry_out)), state_(std::move(state)) {
+CommandGuard::CommandGuard(std::uint32_t version, hal::MonotonicTime began, CarryOut carry_out, std::function<std::uint8_t()> state)
+    : version_(version), began_(began), carry_out_(std::move(carry_out)), state_(std::move(state)) {
   done_.resize(kMostDone);
 }
 
@@ -45,7 +45,7 @@ CommandGuard::Bucket& CommandGuard::bucket_of(std::uint64_t writer) {
   return *oldest;
 }
 
-std::string CommandGuard::objection(const RemoteCommand& command, std::int64_t utc_ns) const {
+std::string CommandGuard::objection(const RemoteCommand& command, std::int64_t utc_ns, hal::MonotonicTime now) const {
   if (command.version != version_) return fmt::format("this booth understands commands of version {}, not {}", version_, command.version);
   if (command.sender.empty()) return "a command needs a sender";
   if (command.kind > static_cast<std::uint32_t>(DdsCommand::snapshot)) return "this command is not known";
@@ -54,8 +54,9 @@ std::string CommandGuard::objection(const RemoteCommand& command, std::int64_t u
   if (std::abs(off) > static_cast<double>(kWindowNs))
     return fmt::format("the command's time is {:.0f} s {} the booth's; set the clock, or count from the utc_ns of booth/status", std::abs(off) / 1e9,
                        off < 0 ? "behind" : "before");
-  // What was sent before this booth was listening could be a copy of what an earlier run of it has carried out.
-  if (command.utc_ns < began_utc_ns_) return "the command is older than this run of boothd";
+  // What was sent before this booth was listening could be a copy of what an earlier run of it has carried out. A clock that was set back since then must not
+  // make everything older than that.
+  if (command.utc_ns < utc_ns - (now - began_).count()) return "the command is older than this run of boothd";
   return "";
 }
 
@@ -65,7 +66,7 @@ std::optional<GuardedAnswer> CommandGuard::handle(const RemoteCommand& command, 
     return std::nullopt;
   }
   const auto refuse = [&](std::string text) { return GuardedAnswer{.answer = {.accepted = false, .state = state_(), .text = std::move(text)}}; };
-  if (std::string why = objection(command, utc_ns); !why.empty()) return refuse(std::move(why));
+  if (std::string why = objection(command, utc_ns, now); !why.empty()) return refuse(std::move(why));
   for (const Done& d : done_) {
     if (d.sender != command.sender || d.id != command.id || now - d.when > kMemory) continue;
     if (d.kind != command.kind) return refuse("this sender has used this id for another command");

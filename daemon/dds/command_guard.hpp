@@ -44,8 +44,9 @@ class CommandGuard {
   static constexpr std::size_t kWriters = 64;
 
   using CarryOut = std::function<DdsAnswer(DdsCommand)>;
-  /// `state` tells the session's state for answers that carry nothing out. Commands that were sent before `began_utc_ns` are refused.
-  CommandGuard(std::uint32_t version, std::int64_t began_utc_ns, CarryOut carry_out, std::function<std::uint8_t()> state);
+  /// `state` tells the session's state for answers that carry nothing out. Commands that were sent before `began` are refused: by
+  /// the clock as it goes now, whatever it said then.
+  CommandGuard(std::uint32_t version, hal::MonotonicTime began, CarryOut carry_out, std::function<std::uint8_t()> state);
 
   /// `utc_ns` and `now` are the booth's clocks. Nothing: not even an answer is due, because this writer asks too often.
   std::optional<GuardedAnswer> handle(const RemoteCommand& command, std::int64_t utc_ns, hal::MonotonicTime now);
@@ -68,10 +69,10 @@ class CommandGuard {
   };
   static bool take(Bucket& bucket, double rate, double burst, hal::MonotonicTime now);
   Bucket& bucket_of(std::uint64_t writer);
-  std::string objection(const RemoteCommand& command, std::int64_t utc_ns) const;
+  std::string objection(const RemoteCommand& command, std::int64_t utc_ns, hal::MonotonicTime now) const;
 
   const std::uint32_t version_;
-  const std::int64_t began_utc_ns_;
+  const hal::MonotonicTime began_;
   CarryOut carry_out_;
   std::function<std::uint8_t()> state_;
   std::array<Bucket, kWriters> writers_{};

@@ -55,7 +55,7 @@ struct DdsLink::Impl {
   Impl(const DdsSettings& settings, hal::Clock& c, CommandGuard::CarryOut on_command)
       : booth(settings.booth),
         clock(c),
-        guard(booth_msg_VERSION, utc_ns(), std::move(on_command), [this] { return state.load(std::memory_order_relaxed); }),
+        guard(booth_msg_VERSION, c.now(), std::move(on_command), [this] { return state.load(std::memory_order_relaxed); }),
         dds(settings) {
     set_text(skeleton.booth, booth);
     skeleton.version = booth_msg_VERSION;

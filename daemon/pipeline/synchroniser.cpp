@@ -37,6 +37,14 @@ void Synchroniser::add(const FrameStamp& stamp, ReleasedSlots& released) {
     first_ = newest_ = stamp.captured;
     started_ = true;
   }
+  if (settings_.order == GroupOrder::newest_first && groups_ > 0 && stamp.captured <= last_reference_) {
+    // Its group has gone without it, and one of late frames alone would take the fit back in time. It is heard all the same: the next group waits for it.
+    lane.last = stamp.captured;
+    lane.heard = true;
+    released.push(stamp.camera, stamp.slot);
+    ++frames_dropped_;
+    return;
+  }
   if (lane.count == kDepth) drop_front(stamp.camera, released);
   lane.frame[static_cast<std::size_t>(lane.count++)] = stamp;
   lane.last = stamp.captured;
@@ -123,7 +131,7 @@ bool Synchroniser::next(MonotonicTime now, FrameGroup& group, ReleasedSlots& rel
 
   group = {};
   group.number = groups_++;
-  group.reference = best.reference;
+  group.reference = last_reference_ = best.reference;
   group.cameras = best.cameras;
   group.slot.fill(-1);
   std::uint64_t skipped = UINT64_MAX;

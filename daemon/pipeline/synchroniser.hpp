@@ -59,7 +59,8 @@ class Synchroniser {
   /// Throws std::invalid_argument when the number of cameras is not 1 to kMaxCameras.
   explicit Synchroniser(SynchroniserSettings settings);
 
-  /// A new frame. Frames of one camera come in order of time; one that does not is released. Released slots are appended.
+  /// A new frame. Frames of one camera come in order of time; one that does not is released, and so is (newest first) one from before the last group's
+  /// reference instant: references only ever grow. Released slots are appended.
   void add(const FrameStamp& stamp, ReleasedSlots& released);
 
   /// The next group that is due at `now`, if any (MonotonicTime::max() when nothing more will come). Call until false after each add() and whenever time has
@@ -94,7 +95,7 @@ class Synchroniser {
 
   SynchroniserSettings settings_;
   std::array<Lane, kMaxCameras> lanes_{};
-  hal::MonotonicTime first_{}, newest_{};
+  hal::MonotonicTime first_{}, newest_{}, last_reference_{};
   bool started_ = false;
   std::uint64_t groups_ = 0, frames_dropped_ = 0;
 };

@@ -11,6 +11,7 @@
 #include <cerrno>
 #include <cstring>
 #include <ctime>
+#include <mutex>
 #include <tuple>
 
 #include "daemon/record/clock_belief.hpp"
@@ -90,6 +91,10 @@ std::string erase_folder(const fs::path& folder) {
 
 std::vector<std::string> prune_folders(const fs::path& directory, const RetentionRule& rule, std::int64_t now_utc_ns) {
   std::vector<std::string> said;
+  // A session's beginning and the housekeeper may both come; two at work would each count what the other deletes, and delete too much. The first one is enough.
+  static std::mutex one_at_a_time;
+  const std::unique_lock lock(one_at_a_time, std::try_to_lock);
+  if (!lock) return said;
   std::vector<fs::path> folders;
   std::error_code error;
   for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {

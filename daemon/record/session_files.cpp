@@ -93,7 +93,8 @@ std::vector<fs::path> session_folders(const fs::path& directory) {
   std::vector<fs::path> out;
   std::error_code error;
   for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
-    if (it->is_directory(error) && looks_like_session(it->path())) out.push_back(it->path());
+    std::error_code ignored;  // one that cannot be looked at must not hide the others
+    if (it->is_directory(ignored) && looks_like_session(it->path())) out.push_back(it->path());
   }
   std::sort(out.begin(), out.end());
   return out;
@@ -184,16 +185,21 @@ fs::path create_session_folder(const fs::path& directory, const SessionInfo& inf
   fs::create_directories(directory, error);
   const fs::path folder = directory / info.id, temporary = directory / ("." + info.id + ".part");
   make_private_folder(temporary);
-  Json j = info_json(info);
-  if (seal) {
-    write_file_atomically(temporary / kSealKeyName, seal->key_file(), 0600);
-    j["sealed_to"] = seal->recipient();
-  }
-  write_file_atomically(temporary / "session.json", json_file(j), 0600);
-  fs::rename(temporary, folder, error);
-  if (error) {
-    errno = error.value();
-    fail(folder, "made");
+  try {
+    Json j = info_json(info);
+    if (seal) {
+      write_file_atomically(temporary / kSealKeyName, seal->key_file(), 0600);
+      j["sealed_to"] = seal->recipient();
+    }
+    write_file_atomically(temporary / "session.json", json_file(j), 0600);
+    fs::rename(temporary, folder, error);
+    if (error) {
+      errno = error.value();
+      fail(folder, "made");
+    }
+  } catch (const std::exception&) {
+    fs::remove_all(temporary, error);  // a disk that is full for weeks must not gather these until the next start
+    throw;
   }
   // Whoever is told that a session runs finds it again, whatever happens. The folder above may be new, or not ours to open.
   (void)sync_folder(directory.has_parent_path() ? directory.parent_path() : fs::path("."));
@@ -329,7 +335,9 @@ std::vector<std::string> close_interrupted_sessions(const fs::path& directory, c
     std::vector<FrameRecord> frames;
     std::string log_problem;
     try {
-      frames = read_session_log(folder);
+      std::string damage;
+      frames = read_session_log(folder, nullptr, &damage);
+      if (!damage.empty()) log_problem = "; " + damage;
     } catch (const OtherLogVersion& e) {
       said.push_back(fmt::format("session {} was interrupted and is left as it is: {}", info.id, e.what()));
       continue;

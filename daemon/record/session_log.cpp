@@ -9,11 +9,13 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstddef>
 #include <cstring>
 #include <fstream>
 #include <functional>
 #include <stdexcept>
+#include <utility>
 
 #include "daemon/io/atomic_file.hpp"
 #include "daemon/seal/sealed_file.hpp"
@@ -29,6 +31,8 @@ struct Header {
   std::uint32_t record_bytes = sizeof(FrameRecord);
 };
 constexpr std::uint32_t kFirstRecord = 2456, kLargestRecord = 1 << 16;
+// Nanoseconds between two frames. No session lasts longer than a day; and a last frame that comes hours after all others is a time that has rotted.
+constexpr std::int64_t kLongestGap = 86'400'000'000'000, kLongestGapAtEnd = 3'600'000'000'000;
 static_assert(sizeof(FrameRecord) >= kFirstRecord && offsetof(FrameRecord, q) == 72 && offsetof(FrameRecord, reserved) == kFirstRecord - 1,
               "what version 1 wrote lies elsewhere: such a log cannot be read any more");
 
@@ -46,7 +50,35 @@ bool write_all(int fd, const void* data, std::size_t size) {
 
 using Read = std::function<bool(void* to, std::size_t count)>;  ///< false: there is less
 
-std::vector<FrameRecord> read_records(const std::filesystem::path& path, const Read& read) {
+/// Whether boothd can have written this. A block that was never written reads as zeros after a power cut, and storage rots; one such record must not make a
+/// file of the whole session that nobody can read, or that is as long as its false time says.
+bool possible(const FrameRecord& r) {
+  if (r.captured_ns <= 0 || r.shape_count > kRecordShape || r.person > PersonState::tracked || r.sex > RecordSex::women) return false;
+  const auto small = [](double v) { return std::abs(v) < 1e6; };  // false of what is no number
+  if (!small(static_cast<double>(r.residual)) || !std::all_of(r.q.begin(), r.q.end(), small)) return false;
+  if (!std::all_of(r.beta.begin(), r.beta.begin() + r.shape_count, [](double b) { return std::abs(b) < 100; })) return false;
+  return std::all_of(r.joints.begin(), r.joints.end(), [&](const auto& joint) { return std::all_of(joint.begin(), joint.end(), small); });
+}
+
+bool follows(const FrameRecord& a, const FrameRecord& b, std::int64_t longest = kLongestGap) {
+  return b.sequence > a.sequence && b.captured_ns > a.captured_ns && b.captured_ns - a.captured_ns <= longest;
+}
+
+/// Leaves out whatever does not fit between its neighbours: number and time only ever grow. Where two do not go together, the later one is right if it goes
+/// with what came before.
+void keep_what_fits(std::vector<FrameRecord>& records) {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    const auto later = [&](std::size_t step) { return i + step < records.size() ? &records[i + step] : nullptr; };
+    const FrameRecord *next = later(1), *last = kept > 0 ? &records[kept - 1] : nullptr;
+    bool fits = !last || follows(*last, records[i], next ? kLongestGap : kLongestGapAtEnd);
+    if (fits && next && !follows(records[i], *next)) fits = last ? !follows(*last, *next) : later(2) && follows(records[i], *later(2));
+    if (fits) records[kept++] = records[i];
+  }
+  records.resize(kept);
+}
+
+std::vector<FrameRecord> read_records(const std::filesystem::path& path, const Read& read, std::string* complaint) {
   Header header;
   const Header expected;
   if (!read(&header, sizeof header) || std::memcmp(header.magic, expected.magic, sizeof header.magic) != 0)
@@ -58,14 +90,15 @@ std::vector<FrameRecord> read_records(const std::filesystem::path& path, const R
     throw std::runtime_error(fmt::format("{}: its frames are of {} bytes, which no version writes", path.string(), header.record_bytes));
   std::vector<FrameRecord> out;
   std::vector<char> stored(header.record_bytes);
-  while (read(stored.data(), stored.size())) {
+  std::uint64_t found = 0;
+  for (; read(stored.data(), stored.size()); ++found) {
     FrameRecord record;
     std::memcpy(static_cast<void*>(&record), stored.data(), std::min(stored.size(), sizeof record));
-    // A block that was never written reads as zeros after a power cut; frames count from zero without gaps.
-    if (!out.empty() && record.sequence <= out.back().sequence) break;
-    if (record.shape_count > kRecordShape || record.captured_ns == 0) break;
-    out.push_back(record);
+    if (possible(record)) out.push_back(record);
   }
+  keep_what_fits(out);
+  if (complaint && out.size() < found)
+    *complaint = fmt::format("{}: {} of its {} frames are damaged and were left out", path.string(), found - out.size(), found);
   return out;
 }
 
@@ -97,10 +130,15 @@ void SessionLog::open(const std::filesystem::path& folder, const Seal* seal) {
     throw std::runtime_error(fmt::format("{}: cannot be written: {}", path.string(), reason));
   }
   problem_.clear();
-  lost_ = 0;
-  stop_ = false;
+  lost_ = written_ = 0;
+  stop_ = broken_ = full_ = false;
+  try {
+    thread_ = std::thread([this] { run(); });
+  } catch (const std::exception& e) {
+    ::close(std::exchange(fd_, -1));
+    throw std::runtime_error(fmt::format("{}: has no thread to write it: {}", path.string(), e.what()));
+  }
   open_ = true;
-  thread_ = std::thread([this] { run(); });
 }
 
 void SessionLog::append(const FrameRecord& record) noexcept {
@@ -110,14 +148,21 @@ void SessionLog::append(const FrameRecord& record) noexcept {
 bool SessionLog::drain() {
   FrameRecord record;
   while (ring_->pop(record)) {
-    if (!problem_.empty()) {
-      lost_.fetch_add(1, std::memory_order_relaxed);
-    } else if (!put(&record, sizeof record)) {
-      problem_ = fmt::format("the session's frames cannot be written: {}", std::strerror(errno));
-      lost_.fetch_add(1, std::memory_order_relaxed);
+    if (!full_ && put(&record, sizeof record)) {
+      ++written_;
+      continue;
     }
+    if (!full_) fail(errno);
+    full_ = true;
+    lost_.fetch_add(1, std::memory_order_relaxed);
   }
-  return problem_.empty();
+  return !full_;
+}
+
+void SessionLog::fail(int reason) {
+  if (broken_) return;  // the first reason is the one that counts
+  problem_ = fmt::format("the session's frames cannot be written: {}", std::strerror(reason));
+  broken_.store(true, std::memory_order_release);
 }
 
 void SessionLog::run() {
@@ -125,7 +170,8 @@ void SessionLog::run() {
   // A second between writes: what a power cut may cost, and few wake-ups.
   for (int turn = 0; !stop_; ++turn) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    if (drain() && turn % 20 == 0) (void)::fdatasync(fd_);
+    // Told once and never again: an fsync after one that failed says that all is well. Frames are written on, some of them may arrive.
+    if (drain() && turn % 20 == 0 && ::fdatasync(fd_) != 0 && errno != EINVAL && errno != EINTR) fail(errno);
   }
   drain();
 }
@@ -135,8 +181,8 @@ void SessionLog::close() {
   open_ = false;
   stop_ = true;
   thread_.join();
-  const bool ended = !problem_.empty() || !encoder_ || put(nullptr, 0, true);
-  if ((!ended || ::fsync(fd_) != 0) && problem_.empty()) problem_ = fmt::format("the session's frames cannot be written: {}", std::strerror(errno));
+  const bool ended = full_ || !encoder_ || put(nullptr, 0, true);
+  if (!ended || ::fsync(fd_) != 0) fail(errno);
   ::close(fd_);
   fd_ = -1;
   encoder_.reset();
@@ -163,15 +209,15 @@ std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder, c
       plain.erase(0, count);
       return true;
     };
-    auto out = read_records(folder / (std::string(kSealedFrameLogName) + kSealedEnding), read);
-    if (complaint) *complaint = in.complaint();
+    auto out = read_records(folder / (std::string(kSealedFrameLogName) + kSealedEnding), read, complaint);
+    if (complaint && !in.complaint().empty()) *complaint = in.complaint();
     return out;
   }
   const auto path = folder / kFrameLogName;
   std::ifstream in(path, std::ios::binary);
   if (!in) throw std::runtime_error(fmt::format("{}: there is no log of frames that could be read", path.string()));
-  return read_records(path,
-                      [&](void* to, std::size_t count) { return static_cast<bool>(in.read(static_cast<char*>(to), static_cast<std::streamsize>(count))); });
+  return read_records(
+      path, [&](void* to, std::size_t count) { return static_cast<bool>(in.read(static_cast<char*>(to), static_cast<std::streamsize>(count))); }, complaint);
 }
 
 }  // namespace booth::daemon

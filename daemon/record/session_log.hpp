@@ -43,8 +43,12 @@ class SessionLog {
 
   /// Frames that did not reach the disk since open(): the ring was full, or the disk was.
   std::uint64_t lost() const { return lost_.load(); }
-  /// Why writing failed, empty while it works. Valid after close().
+  /// Whether writing has failed: nothing more reaches the disk, or nobody knows whether it did. Any thread may ask.
+  bool broken() const { return broken_.load(std::memory_order_acquire); }
+  /// Why, empty while it works. Valid after close(), and once broken().
   const std::string& problem() const { return problem_; }
+  /// Frames that were handed to the disk since open(). Valid after close().
+  std::uint64_t written() const { return written_; }
   static std::size_t memory_bytes() { return sizeof(Ring); }
 
  private:
@@ -52,14 +56,17 @@ class SessionLog {
   void run();
   bool drain();
   bool put(const void* data, std::size_t size, bool last = false);
+  void fail(int reason);
 
   std::unique_ptr<Ring> ring_;
   std::unique_ptr<SealEncoder> encoder_;
   std::string sealed_;
   int fd_ = -1;
-  std::atomic<bool> open_{false}, stop_{false};
+  std::atomic<bool> open_{false}, stop_{false}, broken_{false};
   std::atomic<std::uint64_t> lost_{0};
-  std::string problem_;
+  std::uint64_t written_ = 0;
+  bool full_ = false;    ///< a write has failed: what follows would stand behind half a record
+  std::string problem_;  ///< written once, before broken_ is set
   std::thread thread_;
 };
 
@@ -71,9 +78,9 @@ struct OtherLogVersion : std::runtime_error {
 /// How many records a log of so many plain bytes holds.
 std::uint64_t session_log_records(std::uint64_t bytes);
 
-/// Reads the raw log of `folder`; a record torn by a power cut is left out. Throws std::runtime_error when there is none or when it is of
-/// neither this version nor a neighbour's (OtherLogVersion; hal/file_version.hpp). With a seal the sealed log is read; what is wrong with its end, which an
-/// interruption explains, is put into `complaint`.
+/// Reads the raw log of `folder`; a record torn by a power cut is left out, and so is a damaged one. Throws std::runtime_error when there is none or when it
+/// is of neither this version nor a neighbour's (OtherLogVersion; hal/file_version.hpp). How many were damaged is put into `complaint`; with a seal the sealed
+/// log is read, and there what is wrong with its end, which an interruption explains.
 std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder, const Seal* seal = nullptr, std::string* complaint = nullptr);
 
 }  // namespace booth::daemon

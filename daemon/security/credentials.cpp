@@ -116,7 +116,9 @@ void check_dates(const Credentials& credentials, std::int64_t now) {
                                         part.name, utc_text(part.valid.from), utc_text(now)),
                             true);
     if (now > part.valid.until)
-      throw CredentialError(fmt::format("{}: the {} {} expired at {}; {}", part.file.string(), part.what, part.name, utc_text(part.valid.until), kRemedy));
+      throw CredentialError(fmt::format("{}: the {} {} expired at {}, and this machine's clock says {}; {}", part.file.string(), part.what, part.name,
+                                        utc_text(part.valid.until), utc_text(now), kRemedy),
+                            true);  // a clock that leapt ahead is put right some day
   }
 }
 

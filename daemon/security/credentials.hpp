@@ -28,7 +28,7 @@ inline constexpr const char* kSystemdPrefix = "boothd.";
 /// One sentence: the file, what is wrong, what to do.
 struct CredentialError : std::runtime_error {
   explicit CredentialError(const std::string& text, bool later = false) : std::runtime_error(text), may_pass(later) {}
-  bool may_pass;  ///< time alone may mend it: the clock is not right yet
+  bool may_pass;  ///< nobody may have to mend it: the clock is not right yet, the disk is full
 };
 
 /// One file and until when it serves.

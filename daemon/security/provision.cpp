@@ -38,8 +38,10 @@ void issue_to_ourselves(const fs::path& fleet, const std::string& booth, std::in
     }
     const Credentials old = read_credentials(place);
     // What a person has issued here stays as it is; so does everything once the authorities themselves end.
-    const std::int64_t authority_until = read_certificate(old.identity->identity_ca).valid.until;
-    if (old.first_to_expire().valid.until > now + kRenewDays * kSecondsOfDay || authority_until <= now + kRenewDays * kSecondsOfDay) continue;
+    const Validity authority = read_certificate(old.identity->identity_ca).valid;
+    // Made while the clock was ahead of the time: until then nobody would accept them.
+    const bool too_early = old.certificate.valid.from > now && authority.from <= now;
+    if (!too_early && (old.first_to_expire().valid.until > now + kRenewDays * kSecondsOfDay || authority.until <= now + kRenewDays * kSecondsOfDay)) continue;
     IssueOrder again = order;
     again.renew = true;
     issue(fleet, again, now);
@@ -59,13 +61,18 @@ Credentials obtain_credentials(const CredentialQuery& query, std::int64_t now) {
   if (holds_credentials(query.delivered)) return examined(read_credentials(query.delivered, kSystemdPrefix), query, now);
   const std::string who = query.role == Role::booth ? query.name : "local";
   const fs::path place = query.self_issued / kIssuedFolder / identity_name(query.role, who);
+  std::string not_renewed;
   if (query.may_issue) {
     try {
       issue_to_ourselves(query.self_issued, query.name, now);
     } catch (const CredentialError&) {
       throw;
     } catch (const std::exception& e) {
-      throw CredentialError(fmt::format("no DDS credentials were given (dds.credentials), and none can be made: {}", e.what()));
+      // What a full disk keeps from being renewed serves on; what it keeps from being made can be made when there is room.
+      std::error_code ignored;
+      if (!fs::exists(place, ignored))
+        throw CredentialError(fmt::format("no DDS credentials were given (dds.credentials), and none can be made: {}", e.what()), true);
+      not_renewed = fmt::format("{} cannot be renewed: {}", place.string(), e.what());
     }
   }
   std::error_code error;
@@ -75,6 +82,7 @@ Credentials obtain_credentials(const CredentialQuery& query, std::int64_t now) {
         place.string(), error ? "cannot be looked at (" + error.message() + ")" : "does not exist"));
   Credentials out = read_credentials(place);
   out.self_issued = true;
+  if (!not_renewed.empty()) out.warnings.push_back(not_renewed);
   return examined(std::move(out), query, now);
 }
 

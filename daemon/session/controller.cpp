@@ -34,7 +34,7 @@ ControlAnswer Controller::request(SessionEvent event, const std::string& source)
   std::future<ControlAnswer> answer;
   {
     const std::lock_guard lock(queue_mutex_);
-    if (stop_) return {false, state(), "boothd is ending"};
+    if (ending_ && (stop_ || event != SessionEvent::stop)) return {false, state(), "boothd is ending"};
     if (queue_.size() >= kQueue) return {false, state(), "too many requests at once"};
     queue_.push_back({event, source, {}});
     answer = queue_.back().answer.get_future();
@@ -45,6 +45,11 @@ ControlAnswer Controller::request(SessionEvent event, const std::string& source)
 
 void Controller::shutdown(const std::string& reason) {
   if (!thread_.joinable()) return;
+  {
+    // First of all: whoever asks for a session again and again (on DDS) could otherwise begin one after another before idle was seen here.
+    const std::lock_guard lock(queue_mutex_);
+    ending_ = true;
+  }
   request(SessionEvent::stop, reason);
   while (state() != SessionState::idle) std::this_thread::sleep_for(5ms);
   {
@@ -77,6 +82,14 @@ void Controller::log(const FrameRecord& record) noexcept {
   bell_.ring();
 }
 
+std::uint64_t Controller::progress() const {
+  const std::uint64_t turns = progress_.load(std::memory_order_relaxed);
+  const auto since = busy_since_.load(std::memory_order_relaxed);
+  if (since == 0) return turns;
+  const auto busy = clock_.now() - hal::MonotonicTime(hal::Nanoseconds(since));
+  return turns + static_cast<std::uint64_t>(std::clamp<std::int64_t>(busy / 100ms, 0, kPatienceWithDisk / 100ms));
+}
+
 void Controller::loop() {
   while (!stop_) {
     bell_.wait(10ms);
@@ -86,6 +99,7 @@ void Controller::loop() {
     watch_cameras();
     watch_rest();
     watch_calibration();
+    watch_log();
     const hal::MonotonicTime now = clock_.now();
     if (files_done_.exchange(false)) {
       finisher_.join();
@@ -191,19 +205,18 @@ void Controller::begin_session() {
   session_began_utc_ = info.began_utc_ns = clock_.utc_now().time_since_epoch().count();
   info.id = make_session_id(info.began_utc_ns);
   info.events = story_.events();
-  body_published_ = false;
+  body_published_ = log_trouble_told_ = false;
+  {
+    const std::lock_guard lock(shared_mutex_);
+    session_.clear(), folder_.clear();  // the last one's are not this one's while the disk is waited for
+  }
   std::filesystem::path folder;
   std::string alarm;
   try {
-    for (const auto& line : prune_sessions(settings_.session_directory, settings_.quota_bytes, settings_.max_age_days, info.began_utc_ns))
-      log_line(LogLevel::info, line);
-    seal_ = settings_.seal_to ? Seal::fresh(*settings_.seal_to) : nullptr;
-    folder = create_session_folder(settings_.session_directory, info, seal_.get());
-    log_.open(folder, seal_.get());
+    folder = open_folder(info);
   } catch (const std::exception& e) {
     alarm = fmt::format("this session is live only: {}", e.what());
     log_message(LogLevel::error, Message::session_not_saved, alarm);
-    folder.clear();
   }
   set_alarm(alarm);
   {
@@ -218,10 +231,38 @@ void Controller::begin_session() {
   log_message(LogLevel::info, Message::session_began, fmt::format("session {} begins{}{}", info.id, folder.empty() ? "" : " in ", folder.string()));
 }
 
+std::filesystem::path Controller::open_folder(const SessionInfo& info) {
+  const BusyWithDisk busy(*this);
+  for (const auto& line : prune_sessions(settings_.session_directory, settings_.quota_bytes, settings_.max_age_days, info.began_utc_ns))
+    log_line(LogLevel::info, line);
+  seal_ = settings_.seal_to ? Seal::fresh(*settings_.seal_to) : nullptr;
+  std::filesystem::path folder = create_session_folder(settings_.session_directory, info, seal_.get());
+  try {
+    log_.open(folder, seal_.get());
+  } catch (const std::exception&) {
+    std::error_code ignored;
+    std::filesystem::remove_all(folder, ignored);  // it says `running`, and nothing will ever come into it
+    throw;
+  }
+  return folder;
+}
+
+/// At once and not only at the end: somebody could still make room for the next one, or ask the visitor to come again.
+void Controller::watch_log() {
+  if (log_trouble_told_ || !machine_.running() || !log_.broken()) return;
+  log_trouble_told_ = true;
+  log_message(LogLevel::error, Message::session_not_saved, log_.problem());
+  set_alarm(log_.problem());
+  say_event("fault", "session", log_.problem());
+}
+
 void Controller::end_session(const std::string& reason, const std::string& state_at_end) {
   pipeline_->deactivate();
   take_frames();
-  log_.close();
+  {
+    const BusyWithDisk busy(*this);
+    log_.close();
+  }
   SessionInfo info = settings_.info;
   std::filesystem::path folder;
   {
@@ -247,30 +288,50 @@ void Controller::end_session(const std::string& reason, const std::string& state
   if (!log_.problem().empty()) {
     info.result = "interrupted";  // by the disk: the last frames are not in it
     info.reason = log_.problem();
-    log_message(LogLevel::error, Message::session_not_saved, log_.problem());
+    if (!std::exchange(log_trouble_told_, true)) log_message(LogLevel::error, Message::session_not_saved, log_.problem());
     set_alarm(log_.problem());
   }
-  finisher_ = std::thread([this, info = std::move(info), folder = std::move(folder), seal = std::exchange(seal_, nullptr)]() mutable {
-    write_files(std::move(info), std::move(folder), std::move(seal));
+  finisher_ = std::thread([this, session = Ended{std::move(info), std::move(folder), std::exchange(seal_, nullptr), log_.written()}]() mutable {
+    write_files(std::move(session));
+    files_done_ = true;
+    bell_.ring();
   });
 }
 
-void Controller::write_files(SessionInfo info, std::filesystem::path folder, std::shared_ptr<const Seal> seal) {
-  if (!folder.empty()) {
-    try {
-      SessionSummary summary = finish_session(folder, info, read_session_log(folder, seal.get()), settings_.models, settings_.truth.get(), seal.get());
-      log_message(LogLevel::info, Message::session_complete,
-                  fmt::format("session {} is complete: {} frames, {:.1f} frames/s, in {}", info.id, summary.frames, summary.fps, folder.string()));
-      const std::lock_guard lock(shared_mutex_);
-      summary_ = std::move(summary);
-    } catch (const std::exception& e) {
-      const std::string alarm = fmt::format("session {} could not be saved: {}", info.id, e.what());
-      log_message(LogLevel::error, Message::session_not_saved, alarm);
-      set_alarm(alarm);
+void Controller::write_files(Ended session) {
+  if (session.folder.empty()) return;
+  unsaved_.push_back(std::move(session));
+  std::erase_if(unsaved_, [&](const Ended& one) { return save(one, &one == &unsaved_.back()); });
+  // The next start brings the others to their end.
+  if (unsaved_.size() > kUnsaved) unsaved_.erase(unsaved_.begin());
+}
+
+/// False when it is worth another try.
+bool Controller::save(Ended session, bool newest) {
+  SessionInfo& info = session.info;
+  std::error_code ignored;
+  if (!newest && !std::filesystem::exists(session.folder, ignored)) return true;  // somebody has deleted it
+  try {
+    const std::vector<FrameRecord> frames = read_session_log(session.folder, session.seal.get());
+    if (frames.size() < session.written && info.result == "complete") {
+      info.result = "interrupted";  // by the disk, which has lost what it had taken
+      info.reason = fmt::format("{} of {} frames could not be read back from the disk", session.written - frames.size(), session.written);
+      log_message(LogLevel::error, Message::session_not_saved, info.reason);
+      set_alarm(fmt::format("session {}: {}", info.id, info.reason));
     }
+    SessionSummary summary = finish_session(session.folder, info, frames, settings_.models, settings_.truth.get(), session.seal.get());
+    log_message(LogLevel::info, Message::session_complete,
+                fmt::format("session {} is complete: {} frames, {:.1f} frames/s, in {}", info.id, summary.frames, summary.fps, session.folder.string()));
+    if (!newest) return true;
+    const std::lock_guard lock(shared_mutex_);
+    summary_ = std::move(summary);
+  } catch (const std::exception& e) {
+    const std::string alarm = fmt::format("session {} could not be saved: {}", info.id, e.what());
+    log_message(LogLevel::error, Message::session_not_saved, alarm);
+    set_alarm(alarm);
+    return false;
   }
-  files_done_ = true;
-  bell_.ring();
+  return true;
 }
 
 void Controller::publish_body() {
@@ -330,6 +391,8 @@ DaemonStatus Controller::status() const {
     out.dds_failures = dds_->failures();
     out.dds_problem = dds_->last_failure();
   }
+  out.dds_absent = !settings_.dds_absent.empty();
+  if (out.dds_absent) out.dds_problem = settings_.dds_absent;
   if (fitter_) {
     out.backend = fitter_->backend();
     out.drift = fitter_->drift();
@@ -345,10 +408,11 @@ DaemonStatus Controller::status() const {
   out.dds_security = settings_.dds_security;
   out.credential_problem = credential_problem_;
   out.drift_problem = drift_problem_;
-  out.alarm = !alarm_.empty()                ? alarm_
-              : !panel_.problems.empty()     ? panel_.problems.front()
-              : !credential_problem_.empty() ? credential_problem_
-                                             : drift_problem_;
+  out.alarm = !alarm_.empty()                 ? alarm_
+              : !panel_.problems.empty()      ? panel_.problems.front()
+              : !settings_.dds_absent.empty() ? settings_.dds_absent
+              : !credential_problem_.empty()  ? credential_problem_
+                                              : drift_problem_;
   if (out.alarm.empty() && out.calibration.restart) out.alarm = "a new calibration takes effect when boothd is started again";
   out.session = session_;
   out.session_folder = folder_.string();

@@ -42,6 +42,7 @@ struct ControllerSettings {
   double calibration_residual = -1;               ///< metres; negative: not known
   /// Hears of everything that happens, on the controller's thread: kind, source, text. May be empty.
   std::function<void(const std::string&, const std::string&, const std::string&)> on_event{};
+  std::string dds_absent{};                           ///< why this booth is not on DDS although it should be, an alarm; empty: it is, or it should not be
   std::string dds_security = "off";                   ///< what status shows of it: whose credentials, until when
   std::function<std::string()> credential_problem{};  ///< asked every second: what a person should look after; may be empty
   Calibrator* calibrator = nullptr;                   ///< outlives the controller; null: calibrations are refused
@@ -84,6 +85,7 @@ struct DaemonStatus {
   std::string drift_problem;             ///< cameras that do not stand where the calibration says; empty when all do
   std::uint64_t dds_failures = 0;
   std::string dds_problem;
+  bool dds_absent = false;  ///< it should be there and is not; dds_problem says why
   std::string dds_security, credential_problem;
   CalibrationStatus calibration;
 };
@@ -108,8 +110,9 @@ class Controller final : public FrameSink {
 
   DaemonStatus status() const;
   SessionState state() const { return state_.load(std::memory_order_acquire); }
-  /// Moves with every turn of the controller's thread.
-  std::uint64_t progress() const { return progress_.load(); }
+  /// Moves with every turn of the controller's thread. A slow disk may hold up a session's beginning or end for many seconds, and that is no reason to end the
+  /// daemon: meanwhile it moves with the time, for a minute at most.
+  std::uint64_t progress() const;
 
   void publish(FrameRecord& record) noexcept override;
   void log(const FrameRecord& record) noexcept override;
@@ -119,6 +122,13 @@ class Controller final : public FrameSink {
     SessionEvent event;
     std::string source;
     std::promise<ControlAnswer> answer;
+  };
+  static constexpr hal::Nanoseconds kPatienceWithDisk = std::chrono::minutes(1);
+  struct BusyWithDisk {
+    explicit BusyWithDisk(Controller& controller) : c(controller) { c.busy_since_ = c.clock_.now().time_since_epoch().count(); }
+    ~BusyWithDisk() { c.busy_since_ = 0; }
+    BusyWithDisk(const BusyWithDisk&) = delete;
+    Controller& c;
   };
   /// What the thread needs to know of a frame.
   struct FrameNote {
@@ -131,11 +141,21 @@ class Controller final : public FrameSink {
   void watch_cameras();
   void watch_rest();  ///< who computes, panel, cameras off their places, credentials
   void watch_calibration();
+  void watch_log();  ///< frames that cannot be written
   std::string why_no_calibration() const;
   void apply(const SessionOutcome& outcome, const std::string& source);
   void begin_session();
+  std::filesystem::path open_folder(const SessionInfo& info);
   void end_session(const std::string& reason, const std::string& state_at_end);
-  void write_files(SessionInfo info, std::filesystem::path folder, std::shared_ptr<const Seal> seal);
+  /// A session that has ended and whose files are still to be written.
+  struct Ended {
+    SessionInfo info;
+    std::filesystem::path folder;  ///< empty: it was live only
+    std::shared_ptr<const Seal> seal;
+    std::uint64_t written = 0;  ///< frames that the log took
+  };
+  void write_files(Ended session);
+  bool save(Ended session, bool newest);
   void publish_body();
   void publish_status(bool force);
   void set_alarm(const std::string& text);
@@ -151,16 +171,18 @@ class Controller final : public FrameSink {
   std::mutex queue_mutex_;
   std::deque<Request> queue_;
   static constexpr std::size_t kQueue = 64;
+  bool ending_ = false;  ///< nothing begins any more
 
   std::atomic<SessionState> state_{SessionState::idle};
   std::atomic<std::uint64_t> progress_{0};
+  std::atomic<std::int64_t> busy_since_{0};  ///< monotonic nanoseconds; 0: not waiting for the disk
   IndexRing<FrameNote, 256> notes_;
   SessionLog log_;
 
   // The controller thread's alone.
   SessionMachine machine_;
   SessionStory story_;
-  bool body_published_ = false;
+  bool body_published_ = false, log_trouble_told_ = false;
   BoothNews news_;
   CalibrationStatus calibration_said_;
   hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{}, next_credential_look_{}, next_drift_look_{};
@@ -182,6 +204,8 @@ class Controller final : public FrameSink {
   std::optional<SessionSummary> summary_;
 
   std::thread finisher_;
+  static constexpr std::size_t kUnsaved = 16;
+  std::vector<Ended> unsaved_;  ///< the finisher's alone: the disk did not take them, and perhaps takes them after the next session
   std::atomic<bool> files_done_{false};
   std::atomic<bool> stop_{false};
   std::thread thread_;

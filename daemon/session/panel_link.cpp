@@ -47,7 +47,9 @@ void PanelLink::loop() {
 }
 
 void PanelLink::request(const hal::TriggerEvent& event) {
+  waiting_ = true;
   const ControlAnswer answer = controller_.request(event_of(event.kind), "gpio");
+  waiting_ = false;
   if (event.kind != hal::TriggerKind::emergency_released) panel_.play(answer.accepted ? hal::Sound::accepted : hal::Sound::refused);
 }
 
@@ -55,13 +57,14 @@ void PanelLink::show() {
   const std::vector<std::string> problems = panel_.problems();
   const DaemonStatus status = controller_.status();
   const bool decoded_elsewhere = std::any_of(status.cameras.begin(), status.cameras.end(), [](const CameraStatus& c) { return !c.decoding.problem.empty(); });
-  const LightFacts facts{.state = status.state,
-                         .latched = status.latched,
-                         .paused = status.paused,
-                         .degraded = status.degraded || !status.backend.problem.empty() || decoded_elsewhere || !status.drift_problem.empty(),
-                         .alarm = !status.session_alarm.empty(),
-                         .panel = !problems.empty(),
-                         .cue = status.calibration.cue};
+  const LightFacts facts{
+      .state = status.state,
+      .latched = status.latched,
+      .paused = status.paused,
+      .degraded = status.degraded || status.dds_absent || !status.backend.problem.empty() || decoded_elsewhere || !status.drift_problem.empty(),
+      .alarm = !status.session_alarm.empty(),
+      .panel = !problems.empty(),
+      .cue = status.calibration.cue};
   const hal::LightShow light = light_of(facts);
   panel_.show(light);
   controller_.set_panel({.present = true, .light = light, .problems = problems});

@@ -18,8 +18,8 @@ class PanelLink {
   ~PanelLink();
   PanelLink(const PanelLink&) = delete;
 
-  /// Moves with every turn of the thread.
-  std::uint64_t progress() const { return progress_.load(); }
+  /// Moves with every turn of the thread, and with the controller while a press waits for its answer: a slow disk is no hung panel.
+  std::uint64_t progress() const { return progress_.load() + (waiting_.load() ? controller_.progress() : 0); }
 
  private:
   void loop();
@@ -33,7 +33,7 @@ class PanelLink {
   int counted_ = 0;  ///< seconds of the countdown that were heard last
   CalibrationStatus calibration_;
   std::atomic<std::uint64_t> progress_{0};
-  std::atomic<bool> stop_{false};
+  std::atomic<bool> stop_{false}, waiting_{false};
   std::thread thread_;
 };
 

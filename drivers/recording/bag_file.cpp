@@ -86,20 +86,26 @@ BagFile::BagFile(const fs::path& path)
       file_(staging_.folder() / (staging_.final_path().filename().string() + "_0.db3")),
       db_(open_database(file_, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE)),
       committed_(std::chrono::steady_clock::now()) {
-  write_reserve(folder() / kReserve);
-  // The journal holds only pages that are written anew: a bag grows, so that is little. It is rolled back when the bag is opened after a crash.
-  execute("PRAGMA journal_mode=TRUNCATE");
-  execute("PRAGMA synchronous=FULL");
-  execute("CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT NOT NULL)");
-  execute("CREATE TABLE metadata(id INTEGER PRIMARY KEY, metadata_version INTEGER NOT NULL, metadata TEXT NOT NULL)");
-  execute(
-      "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT "
-      "NULL)");
-  execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB NOT NULL)");
-  execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)");
-  execute("INSERT INTO schema VALUES (3, 'humble')");
-  insert_ = prepare(db_, file_, "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)");
-  execute("BEGIN");
+  try {
+    write_reserve(folder() / kReserve);
+    // The journal holds only pages that are written anew: a bag grows, so that is little. It is rolled back when the bag is opened after a crash.
+    execute("PRAGMA journal_mode=TRUNCATE");
+    execute("PRAGMA synchronous=FULL");
+    execute("CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT NOT NULL)");
+    execute("CREATE TABLE metadata(id INTEGER PRIMARY KEY, metadata_version INTEGER NOT NULL, metadata TEXT NOT NULL)");
+    execute(
+        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT "
+        "NULL)");
+    execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB NOT NULL)");
+    execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)");
+    execute("INSERT INTO schema VALUES (3, 'humble')");
+    insert_ = prepare(db_, file_, "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)");
+    execute("BEGIN");
+  } catch (const std::exception&) {
+    std::error_code ignored;
+    fs::remove_all(folder(), ignored);  // nothing is in it; a full disk must not gather one for each try
+    throw;
+  }
 }
 
 void BagFile::fail() const { throw std::runtime_error("cannot write " + file_.string() + ": " + sqlite3_errmsg(db_.get()) + "; check the disk's space"); }

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/mount.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -302,6 +303,19 @@ TEST_F(FlightRecorderTest, WhatADeadProcessLeftIsFinished) {
   EXPECT_EQ(source.cameras[0]->read(f, 1s), hal::ReadStatus::frame);
   EXPECT_TRUE(fs::exists(written()[0] / "interrupted.txt"));
   EXPECT_TRUE(recover_bags(directory).empty()) << "once is enough";
+}
+
+TEST(Recovery, ABagThatCannotBeBegunLeavesNothing) {
+  const tests::ScratchFolder scratch;
+  // Files must not grow, which needs no full disk.
+  ::signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  ::getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit none{1000, before.rlim_max};
+  ::setrlimit(RLIMIT_FSIZE, &none);
+  EXPECT_THROW(BagFile(scratch.path() / "full"), std::runtime_error);
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_TRUE(fs::is_empty(scratch.path()));
 }
 
 TEST(Recovery, RemovesWhatIsEmptyAndSaysWhatIsBroken) {

@@ -1,6 +1,8 @@
 // The control socket answers everything with one JSON object a line: requests, garbage, half lines, lines without end.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -119,6 +121,54 @@ TEST_F(ControlTest, TooManyClientsAreToldSo) {
       return false;
     }
   }));
+}
+
+TEST(ControlServer, ClientsThatHangDoNotLockOthersOut) {
+  tests::TemporaryFolder folder;
+  const auto path = folder.path / "s";
+  const ControlServer server(
+      path, listen_unix(path), [](const std::string& line) { return line; }, 100ms);
+  std::vector<UniqueFd> silent;
+  for (std::size_t i = 0; i < 2 * ControlServer::kMostClients; ++i) {
+    silent.push_back(connect_unix(path));
+    std::this_thread::sleep_for(10ms);
+  }
+  EXPECT_TRUE(tests::eventually([&] {
+    try {
+      return ControlClient(path).ask("stop") == "stop";
+    } catch (const std::exception&) {
+      return false;  // too many clients: they have not been silent for long enough yet
+    }
+  }));
+}
+
+TEST(ControlServer, WithoutADescriptorItWaitsAndDoesNotSpin) {
+  tests::TemporaryFolder folder;
+  const auto path = folder.path / "s";
+  const ControlServer server(path, [](const std::string& line) { return line; });
+  rlimit before{};
+  ::getrlimit(RLIMIT_NOFILE, &before);
+  const rlimit few{std::min<rlim_t>(before.rlim_cur, 64), before.rlim_max};
+  ::setrlimit(RLIMIT_NOFILE, &few);
+  std::vector<UniqueFd> all;
+  for (int fd; (fd = ::open("/dev/null", O_RDONLY | O_CLOEXEC)) >= 0;) all.emplace_back(fd);
+  ASSERT_FALSE(all.empty());
+  all.pop_back();
+  const UniqueFd client = connect_unix(path);  // takes the last one
+  const auto processor = [] {
+    rusage used{};
+    ::getrusage(RUSAGE_SELF, &used);
+    return std::chrono::seconds(used.ru_utime.tv_sec + used.ru_stime.tv_sec) + std::chrono::microseconds(used.ru_utime.tv_usec + used.ru_stime.tv_usec);
+  };
+  const auto begin = processor();
+  std::this_thread::sleep_for(500ms);
+  EXPECT_LT(processor() - begin, 100ms) << "of processor, whatever else the machine does";
+  all.clear();
+  ::setrlimit(RLIMIT_NOFILE, &before);
+  ASSERT_TRUE(send_all(client.get(), "still there\n", 1s));
+  char answer[32] = {};
+  EXPECT_GT(::recv(client.get(), answer, sizeof answer - 1, 0), 0);
+  EXPECT_STREQ(answer, "still there\n");
 }
 
 TEST_F(ControlTest, TheSocketIsForTheGroupAndGoesAway) {

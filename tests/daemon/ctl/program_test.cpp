@@ -58,6 +58,18 @@ struct ProgramTest : ::testing::Test {
   std::filesystem::path sessions = folder.path / "sessions";
 };
 
+TEST_F(ProgramTest, WhatIsMissingIsWaitedForWhereSomebodyStartsItAgain) {
+  // Twenty quick ends within five minutes would fail the unit for good, although the sensor, the clock or the disk may still come.
+  ::setenv("NOTIFY_SOCKET", (folder.path / "nobody").c_str(), 1);
+  Program boothd("boothd", {"--set", "cameras.driver=recording", "--set", "cameras.recording.path=/nonexistent", "--set", "control.socket=" + socket},
+                 folder.path / "waits");
+  ::unsetenv("NOTIFY_SOCKET");
+  ASSERT_TRUE(eventually([&] { return boothd.err().find("tries again in") != std::string::npos; }, 60s)) << boothd.err();
+  EXPECT_THAT(boothd.err(), HasSubstr("/nonexistent"));
+  boothd.signal(SIGTERM);
+  EXPECT_EQ(boothd.wait(), 0) << "told to stop, it has not failed";
+}
+
 TEST_F(ProgramTest, ExitStatuses) {
   EXPECT_EQ(run("boothd", {"--version"}), 0);
   EXPECT_THAT(output, HasSubstr("boothd "));

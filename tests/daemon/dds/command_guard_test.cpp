@@ -18,7 +18,7 @@ struct CommandGuardTest : ::testing::Test {
   int carried_out = 0;
   std::int64_t utc = kUtc;
   hal::MonotonicTime now{1000s};
-  CommandGuard guard{1, kUtc,
+  CommandGuard guard{1, now,
                      [this](DdsCommand) {
                        ++carried_out;
                        return DdsAnswer{.accepted = true, .state = 1};
@@ -92,6 +92,19 @@ TEST_F(CommandGuardTest, RefusesWhatIsNotOfThisTime) {
   }
   EXPECT_EQ(send(c)->answer.state, 3) << "a refusal tells the state, too";
   EXPECT_EQ(carried_out, 0);
+}
+
+TEST_F(CommandGuardTest, AClockThatIsSetBackOrForwardSilencesNobody) {
+  // The battery of the board had the booth start ten years ahead; then the time server was heard.
+  for (const std::int64_t leap : {-315'360'000 * kSecond, 630'720'000 * kSecond}) {
+    pass(60s);
+    utc += leap;
+    EXPECT_TRUE(send(command(static_cast<std::uint64_t>(utc / kSecond)))->answer.accepted);
+    RemoteCommand old = command(2);
+    old.utc_ns = utc - 25 * kSecond;
+    EXPECT_TRUE(send(old)->answer.accepted) << "it was sent to this run";
+  }
+  EXPECT_EQ(carried_out, 3) << "the last one's id had been used a minute before, and its answer was repeated";
 }
 
 TEST_F(CommandGuardTest, RefusesGarbage) {

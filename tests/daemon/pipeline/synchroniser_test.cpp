@@ -235,6 +235,30 @@ TEST(Synchroniser, AFrameOutOfOrderIsGivenBack) {
   EXPECT_EQ(synchroniser.frames_dropped(), 2u);
 }
 
+TEST(Synchroniser, LateCamerasDoNotTakeTheFitBackInTime) {
+  // Cameras 2 and 3 are read 100 ms late (their threads had no processor): their pair lies before the group of the others.
+  Synchroniser synchroniser({.cameras = 4});
+  ReleasedSlots released;
+  FrameGroup group;
+  synchroniser.add({0, at(4ms), 1}, released);
+  synchroniser.add({1, at(6ms), 1}, released);
+  ASSERT_TRUE(synchroniser.next(at(90ms), group, released));
+  EXPECT_EQ(group.reference, at(5ms));
+  synchroniser.add({2, at(1ms), 7}, released);
+  synchroniser.add({3, at(2ms), 8}, released);
+  EXPECT_EQ(released.count, 2);
+  EXPECT_FALSE(synchroniser.next(at(200ms), group, released));
+  EXPECT_EQ(synchroniser.frames_dropped(), 2u);
+  // They are waited for again.
+  synchroniser.add({0, at(37ms), 2}, released);
+  synchroniser.add({1, at(39ms), 2}, released);
+  EXPECT_FALSE(synchroniser.next(at(60ms), group, released));
+  synchroniser.add({2, at(34ms), 9}, released);
+  synchroniser.add({3, at(35ms), 10}, released);
+  ASSERT_TRUE(synchroniser.next(at(60ms), group, released));
+  EXPECT_EQ(group.cameras, 4);
+}
+
 TEST(Synchroniser, RandomArrivalsNeverLoseASlot) {
   // play() checks the bookkeeping; here cameras come and go, and time stamps are wild.
   for (unsigned seed = 0; seed < 50; ++seed) {

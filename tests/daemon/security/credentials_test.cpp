@@ -1,6 +1,8 @@
 // Credentials as files: what is written, what is refused, and whether the sentence names the file.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 
 #include <random>
@@ -192,12 +194,14 @@ TEST(SecurityCredentials, DatesAreAnswersAndNotCrashes) {
   const std::int64_t until = credentials.first_to_expire().valid.until;
   EXPECT_EQ(complaint([&] { check_dates(credentials, until); }), "");
   EXPECT_THAT(complaint([&] { check_dates(credentials, until + 1); }), AllOf(HasSubstr("expired at"), HasSubstr("cert.pem")));
-  try {
-    check_dates(credentials, 0);
-    FAIL() << "1970 was accepted";
-  } catch (const CredentialError& e) {
-    EXPECT_TRUE(e.may_pass) << "a clock that is set later mends it";
-    EXPECT_THAT(e.what(), HasSubstr("set the clock"));
+  for (const std::int64_t leapt : {std::int64_t{0}, until + 20 * 365 * kSecondsOfDay}) {
+    try {
+      check_dates(credentials, leapt);
+      FAIL() << leapt << " was accepted";
+    } catch (const CredentialError& e) {
+      EXPECT_TRUE(e.may_pass) << "a clock that is set later mends it";
+      EXPECT_THAT(e.what(), HasSubstr(leapt == 0 ? "set the clock" : "and this machine's clock says"));
+    }
   }
   EXPECT_EQ(expiry_problem(credentials, until - 31 * kSecondsOfDay, 30), "");
   EXPECT_THAT(expiry_problem(credentials, until - 12 * kSecondsOfDay - 5, 30), HasSubstr("expires in 12 days"));
@@ -277,6 +281,39 @@ TEST_F(Provision, SelfIssuedCredentialsAreRenewedInTime) {
   EXPECT_NE(renewed.certificate.serial, first.certificate.serial);
   EXPECT_EQ(renewed.certificate.issuer, first.certificate.issuer);
   EXPECT_GT(renewed.first_to_expire().valid.until, later + 300 * kSecondsOfDay);
+}
+
+TEST_F(Provision, AClockThatLeaptAheadAndCameBackLeavesABoothThatStarts) {
+  const Credentials first = obtain_credentials(query, fleet.now);
+  const std::int64_t ahead = first.first_to_expire().valid.until + 100 * kSecondsOfDay;
+  EXPECT_GT(obtain_credentials(query, ahead).certificate.valid.from, fleet.now + kSecondsOfDay) << "renewed, as far as it knew in time";
+  const Credentials back = obtain_credentials(query, fleet.now + kSecondsOfDay);
+  EXPECT_LE(back.certificate.valid.from, fleet.now + kSecondsOfDay);
+  EXPECT_EQ(back.certificate.issuer, first.certificate.issuer);
+}
+
+TEST_F(Provision, WhatCannotBeRenewedServesOn) {
+  const Credentials first = obtain_credentials(query, fleet.now);
+  // Files must not grow, which needs no full disk.
+  ::signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  ::getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit none{10, before.rlim_max};
+  ::setrlimit(RLIMIT_FSIZE, &none);
+  std::string warnings, complaint_of_new;
+  bool may_pass = false;
+  try {
+    for (const auto& w : obtain_credentials(query, first.first_to_expire().valid.until - 10 * kSecondsOfDay).warnings) warnings += w;
+    query.self_issued = fleet.folder.path / "state" / "other";
+    obtain_credentials(query, fleet.now);
+  } catch (const CredentialError& e) {
+    complaint_of_new = e.what();
+    may_pass = e.may_pass;
+  }
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_THAT(warnings, HasSubstr("cannot be renewed"));
+  EXPECT_THAT(complaint_of_new, HasSubstr("none can be made"));
+  EXPECT_TRUE(may_pass) << "there may be room later";
 }
 
 TEST_F(Provision, NothingIsMadeWhileTheClockIsWrong) {

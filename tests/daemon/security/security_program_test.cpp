@@ -99,7 +99,7 @@ TEST_F(SecurityProgram, BoothdDoesNotStartWithoutItsCredentials) {
   expired.name = "booth.lobby";
   expired.rules = daemon::rules_for(daemon::Role::booth, {"lobby"});
   expired.certificate.until = fleet.now - 60;
-  EXPECT_EQ(run("boothd", boothd({"dds.credentials=" + fleet.write(expired, "expired")})), 78);
+  EXPECT_EQ(run("boothd", boothd({"dds.credentials=" + fleet.write(expired, "expired")})), 69) << "is tried again: the clock may have leapt ahead";
   EXPECT_THAT(output, AllOf(HasSubstr("expired/cert.pem"), HasSubstr("expired at"), HasSubstr("boothctl security issue")));
   Craft future = expired;
   future.certificate = {fleet.now + 3600, fleet.now + 7200};

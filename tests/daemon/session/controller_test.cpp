@@ -1,7 +1,9 @@
 // Whole sessions with simulated cameras and a fitter that sees what it is told: states, files, alarms, answers to garbage.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <signal.h>
 #include <sys/mount.h>
+#include <sys/resource.h>
 
 #include <nlohmann/json.hpp>
 
@@ -113,6 +115,63 @@ TEST_F(SessionTest, EmergencySavesAndLatches) {
   ASSERT_TRUE(eventually([&] { return controller->status().latched; }));
   controller->request(SessionEvent::emergency_released, "button");
   EXPECT_TRUE(controller->request(SessionEvent::start, "test").accepted);
+}
+
+TEST_F(SessionTest, NothingBeginsWhileItEnds) {
+  build(folder.path);
+  ASSERT_TRUE(controller->request(SessionEvent::start, "test").accepted);
+  ASSERT_TRUE(reaches(SessionState::tracking));
+  std::atomic<bool> told{false};
+  // A client on the network that asks again and again, as one that lost its answer does.
+  std::thread client([&] {
+    while (!told) told = controller->request(SessionEvent::start, "dds").text == "boothd is ending";
+  });
+  controller->shutdown("signal");
+  client.join();
+  EXPECT_EQ(controller->state(), SessionState::idle);
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path), {}), 1);
+}
+
+TEST_F(SessionTest, FramesThatCannotBeWrittenAreAnAlarmAtOnce) {
+  build(folder.path);
+  ASSERT_TRUE(controller->request(SessionEvent::start, "test").accepted);
+  ASSERT_TRUE(reaches(SessionState::tracking));
+  EXPECT_TRUE(controller->status().session_alarm.empty());
+  // Files must not grow any more, which needs no full disk.
+  ::signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  ::getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit none{1000, before.rlim_max};
+  ::setrlimit(RLIMIT_FSIZE, &none);
+  const bool alarmed = eventually([&] { return !controller->status().session_alarm.empty(); });
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_TRUE(alarmed);
+  EXPECT_THAT(controller->status().session_alarm, HasSubstr("frames cannot be written"));
+  EXPECT_EQ(controller->state(), SessionState::tracking) << "it goes on live";
+  controller->request(SessionEvent::stop, "test");
+  ASSERT_TRUE(reaches(SessionState::idle));
+  EXPECT_EQ(session_json()["result"], "interrupted");
+  EXPECT_GT(session_json()["frames_not_logged"].get<int>(), 0);
+}
+
+TEST_F(SessionTest, ASessionThatCouldNotBeSavedIsSavedAfterTheNext) {
+  build(folder.path);
+  std::vector<std::filesystem::path> sessions;
+  for (int i = 0; i < 2; ++i) {
+    ASSERT_TRUE(controller->request(SessionEvent::start, "test").accepted);
+    ASSERT_TRUE(reaches(SessionState::tracking));
+    sessions.emplace_back(controller->status().session_folder);
+    // What cannot be replaced by a file fails as a disk does that is full at the very end.
+    if (i == 0) std::filesystem::create_directories(sessions[0] / "skeleton.csv" / "in the way");
+    if (i == 1) std::filesystem::remove_all(sessions[0] / "skeleton.csv");
+    controller->request(SessionEvent::stop, "test");
+    ASSERT_TRUE(reaches(SessionState::idle));
+    EXPECT_EQ(controller->status().session_alarm.empty(), i == 1) << controller->status().session_alarm;
+    EXPECT_EQ(json::parse(read_text(sessions[0] / "session.json"))["result"], i == 0 ? "running" : "complete");
+  }
+  EXPECT_EQ(session_json()["result"], "complete");
+  EXPECT_EQ(json::parse(controller->status().last_summary->json)["id"], sessions[1].filename().string());
+  EXPECT_FALSE(std::filesystem::exists(sessions[0] / ".frames.part"));
 }
 
 TEST_F(SessionTest, ACameraThatMovedIsAnAlarmAndNoReasonToStop) {

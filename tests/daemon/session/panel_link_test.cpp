@@ -1,8 +1,11 @@
 // Button and light with a real controller: presses from the wall and requests from elsewhere in one queue, and every trouble shown.
 #include "daemon/session/panel_link.hpp"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <condition_variable>
 #include <deque>
@@ -126,6 +129,7 @@ struct PanelLinkTest : ::testing::Test {
     for (int i = 0; i < 3; ++i) cameras.push_back(std::make_unique<tests::FakeCamera>("c" + std::to_string(i), clock, i * 8ms, 1'000'000, true));
     ControllerSettings settings;
     settings.session_directory = directory;
+    settings.max_age_days = max_age_days;
     settings.limits = {.lost = 200ms, .search = 1s, .session = 60s, .estimate = 60s, .pause = pause, .countdown = countdown, .toggle_guard = 50ms};
     settings.minimum_cameras = 2;
     settings.models.men = tests::capsule_body();
@@ -156,6 +160,7 @@ struct PanelLinkTest : ::testing::Test {
   drivers::SystemClock clock;
   tests::TemporaryFolder folder;
   std::filesystem::path directory = folder.path;
+  std::int64_t max_age_days = 0;
   hal::DepthCameras cameras;
   tests::FakeFitter fitter;
   FakePanel panel;
@@ -171,6 +176,27 @@ struct PanelLinkTest : ::testing::Test {
   std::unique_ptr<Pipeline> pipeline;
   std::unique_ptr<PanelLink> link;
 };
+
+TEST_F(PanelLinkTest, ASlowDiskIsNoHungThread) {
+  // A press begins a session, whose beginning waits for a file: here for one that nobody writes.
+  max_age_days = 1;
+  std::filesystem::create_directories(directory);
+  const auto file = directory / ".clock";
+  ASSERT_EQ(::mkfifo(file.c_str(), 0600), 0);
+  build();
+  panel.press(TriggerKind::start);
+  EXPECT_TRUE(eventually([&] { return controller->state() == SessionState::estimating; }));
+  std::this_thread::sleep_for(300ms);
+  const std::uint64_t of_controller = controller->progress(), of_link = link->progress();
+  EXPECT_TRUE(eventually([&] { return controller->progress() != of_controller && link->progress() != of_link; }));
+  EXPECT_EQ(controller->status().session_folder, "") << "it waits still";
+  EXPECT_TRUE(eventually([&] {
+    const int fd = ::open(file.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC);
+    if (fd >= 0) ::close(fd);
+    return fd >= 0;
+  }));
+  EXPECT_TRUE(eventually([&] { return !controller->status().session_folder.empty(); }));
+}
 
 TEST_F(PanelLinkTest, AVisitFromPressToPressIsSeenAndWrittenDown) {
   fitter.accept_at = 15;

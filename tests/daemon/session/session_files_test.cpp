@@ -4,10 +4,17 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <fmt/format.h>
+
+#include <functional>
+#include <limits>
+#include <mutex>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "daemon/record/session_files.hpp"
 #include "daemon/record/session_log.hpp"
+#include "daemon/record/session_reader.hpp"
 #include "daemon/record/truth_error.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
 #include "tests/support/capsule_body.hpp"
@@ -93,6 +100,96 @@ struct ShiftedTruth final : hal::GroundTruth {
     return list;
   }
 };
+
+/// The log of a session of these frames that a power cut has left behind.
+std::filesystem::path interrupted(const std::filesystem::path& directory, const std::vector<FrameRecord>& frames) {
+  const auto session = create_session_folder(directory, info_at(kUtc));
+  SessionLog log;
+  log.open(session);
+  for (const auto& f : frames) log.append(f);
+  log.close();
+  EXPECT_EQ(log.written(), frames.size());
+  EXPECT_FALSE(log.broken());
+  return session;
+}
+
+TEST(SessionFiles, ARottenFrameSpoilsNeitherTheOthersNorTheStart) {
+  constexpr std::size_t kFrames = 30, kLast = kFrames - 1;
+  constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
+  using Rot = std::function<void(FrameRecord&)>;
+  // A time of years would ask for more poses than there is memory: boothd would be killed at each start.
+  const std::vector<std::pair<std::size_t, Rot>> cases{{kLast, [](auto& f) { f.captured_ns += std::int64_t{1} << 50; }},
+                                                       {kLast, [](auto& f) { f.captured_ns = std::numeric_limits<std::int64_t>::max(); }},
+                                                       {0, [](auto& f) { f.captured_ns += std::int64_t{1} << 50; }},
+                                                       {0, [](auto& f) { f.captured_ns = -5; }},
+                                                       {9, [](auto& f) { f.captured_ns += std::int64_t{1} << 40; }},
+                                                       {9, [](auto& f) { f.captured_ns -= std::int64_t{1} << 29; }},
+                                                       {9, [](auto& f) { f.sequence |= std::uint64_t{1} << 60; }},
+                                                       {9, [](auto& f) { f.sequence = 0; }},
+                                                       {9, [](auto& f) { f.sex = static_cast<RecordSex>(9); }},
+                                                       {9, [](auto& f) { f.person = static_cast<PersonState>(77); }},
+                                                       {9, [](auto& f) { f.shape_count = 200; }},
+                                                       {9, [](auto& f) { f.q[3] = kNothing; }},
+                                                       {9, [](auto& f) { f.joints[2][1] = 1e300; }},
+                                                       {kLast, [](auto& f) { f.beta[1] = kNothing; }},
+                                                       {9, [](auto& f) { f = {}; }}};
+  for (std::size_t k = 0; k < cases.size(); ++k) {
+    TemporaryFolder folder;
+    auto recorded = frames(kFrames);
+    cases[k].second(recorded[cases[k].first]);
+    const auto session = interrupted(folder.path, recorded);
+    const auto said = close_interrupted_sessions(folder.path, models());
+    ASSERT_EQ(said.size(), 1u);
+    EXPECT_THAT(said[0], HasSubstr("29 frames of it were saved")) << k;
+    EXPECT_THAT(said[0], HasSubstr("1 of its 30 frames are damaged")) << k;
+    const SessionContents read = read_session(session);
+    EXPECT_EQ(read.frames.size(), kFrames - 1) << k;
+    EXPECT_EQ(read.result, "interrupted");
+    EXPECT_TRUE(std::filesystem::exists(session / "skeleton.bvh"));
+  }
+}
+
+TEST(SessionFiles, APauseOfHoursIsNoDamage) {
+  TemporaryFolder folder;
+  auto recorded = frames(30);
+  for (std::size_t i = 10; i < recorded.size(); ++i) recorded[i].captured_ns += 5 * 3600'000'000'000;
+  interrupted(folder.path, recorded);
+  const auto said = close_interrupted_sessions(folder.path, models());
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_THAT(said[0], HasSubstr("; 30 frames of it were saved"));
+}
+
+TEST(SessionFiles, AFolderThatCannotBeMadeLeavesNothing) {
+  TemporaryFolder folder;
+  const SessionInfo info = info_at(kUtc);
+  folder.write(info.id, "in the way");  // the rename fails
+  EXPECT_THROW(create_session_folder(folder.path, info), std::runtime_error);
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path), {}), 1);
+}
+
+TEST(SessionFiles, TwoWhoClearAwayTogetherDeleteNoMoreThanOne) {
+  for (int turn = 0; turn < 20; ++turn) {
+    TemporaryFolder folder;
+    for (int i = 0; i < 10; ++i) {
+      const auto name = fmt::format("202601{:02}T000000Z-00{:02}", i + 1, i);
+      std::filesystem::create_directory(folder.path / name);
+      folder.write(name + "/session.json", R"({"result":"complete"})" + std::string(979, ' '));
+    }
+    std::vector<std::thread> both;
+    std::mutex mutex;
+    std::string said;
+    for (int i = 0; i < 2; ++i)
+      both.emplace_back([&] {
+        for (const auto& line : prune_sessions(folder.path, 5500, 0, kUtc)) {
+          const std::lock_guard lock(mutex);
+          said += line + "\n";
+        }
+      });
+    for (auto& one : both) one.join();
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path), {}), 5);
+    EXPECT_EQ(said.find("cannot be"), std::string::npos) << said;
+  }
+}
 
 TEST(SessionFiles, ACompleteSession) {
   TemporaryFolder folder;
