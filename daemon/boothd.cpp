@@ -429,4 +429,5 @@ int run(int argc, char** argv) {
 }  // namespace
 }  // namespace booth::daemon
 
-int main(int argc, char** argv) { return booth::daemon::run(argc, argv); }
+// What can still be thrown is a complaint that cannot be made.
+int main(int argc, char** argv) { return booth::daemon::run(argc, argv); }  // NOLINT(bugprone-exception-escape)

@@ -196,7 +196,8 @@ std::optional<FloorBoard> find_board_on_floor(std::span<const FloorPicture> pict
   const double pixel = board.square / kAcross, half = search.reach + 0.5 * std::hypot(board.width(), board.height()) + 2 * pixel;
   constexpr int kLargest = 801;
   const int side = std::min(kLargest, 2 * static_cast<int>(half / pixel) + 1);
-  const double reach = std::min(search.reach, (side / 2 - 2) * pixel - 0.5 * std::hypot(board.width(), board.height()));
+  const int middle = side / 2;
+  const double reach = std::min(search.reach, (middle - 2) * pixel - 0.5 * std::hypot(board.width(), board.height()));
   if (!(reach > 0)) return std::nullopt;
   Plan plan{side, pixel, std::vector<float>(static_cast<std::size_t>(side * side), 0)};
   for (const auto& p : pictures) {

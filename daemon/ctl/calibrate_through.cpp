@@ -21,7 +21,7 @@ using Json = nlohmann::json;
 std::atomic<bool> interrupted{false};
 
 Json ask(ControlClient& client, const char* request) {
-  const Json answer = Json::parse(client.ask(Json{{"request", request}}.dump()), nullptr, false);
+  Json answer = Json::parse(client.ask(Json{{"request", request}}.dump()), nullptr, false);
   if (!answer.is_object()) throw VerbFailure("boothd gave an answer that is not JSON");
   return answer;
 }
@@ -43,7 +43,7 @@ Json follow(ControlClient& client) {
   std::string said;
   bool stopped = false;
   while (true) {
-    const Json calibration = ask(client, "status").value("calibration", Json::object());
+    Json calibration = ask(client, "status").value("calibration", Json::object());
     if (!calibration.value("running", false)) return calibration;
     if (const std::string line = line_of(calibration); line != said) std::cerr << (said = line) << "\n";
     if (interrupted && !stopped) {

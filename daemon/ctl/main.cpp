@@ -9,7 +9,7 @@
 #include "daemon/ctl/simulate_verb.hpp"
 #include "daemon/ctl/verbs.hpp"
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a complaint that cannot be put on the console is all that is left to throw
   using namespace booth::daemon;
   constexpr int kUsage = 64;
   CLI::App app{"Talks to boothd, and does by itself what needs no daemon.", "boothctl"};

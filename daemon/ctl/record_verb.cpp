@@ -41,7 +41,7 @@ void show(const Json& r, const char* what) {
 Json wait_for(ControlClient& client, const char* which, bool stoppable) {
   bool stopping = false;
   while (true) {
-    const Json r = ask(client, {{"request", "record_status"}})[which];
+    Json r = ask(client, {{"request", "record_status"}})[which];
     if (!r.value("running", false)) {
       if (::isatty(STDERR_FILENO)) std::cerr << "\r\033[K";
       return r;

@@ -22,7 +22,7 @@ struct Options {
 };
 
 Json ask(ControlClient& client, const char* request) {
-  const Json answer = Json::parse(client.ask(Json{{"request", request}}.dump()), nullptr, false);
+  Json answer = Json::parse(client.ask(Json{{"request", request}}.dump()), nullptr, false);
   if (!answer.is_object()) throw VerbFailure("boothd gave an answer that is not JSON");
   return answer;
 }

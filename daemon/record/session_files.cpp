@@ -183,7 +183,8 @@ std::string make_session_id(std::int64_t utc_ns) {
 fs::path create_session_folder(const fs::path& directory, const SessionInfo& info, const Seal* seal) {
   std::error_code error;
   fs::create_directories(directory, error);
-  const fs::path folder = directory / info.id, temporary = directory / ("." + info.id + ".part");
+  const fs::path temporary = directory / ("." + info.id + ".part");
+  fs::path folder = directory / info.id;
   make_private_folder(temporary);
   try {
     Json j = info_json(info);

@@ -133,7 +133,7 @@ fs::path issue(const fs::path& folder, const IssueOrder& order, std::int64_t now
   const PemPair identities = read_authority(folder, kIdentityAuthorityFile, kIdentityAuthorityKeyFile);
   const PemPair permissions = read_authority(folder, kPermissionsAuthorityFile, kPermissionsAuthorityKeyFile);
   const std::string who = identity_name(order.role, order.name);
-  const fs::path place = folder / kIssuedFolder / who;
+  fs::path place = folder / kIssuedFolder / who;
   std::error_code error;
   const bool there = fs::exists(place, error);
   if (there && !order.renew)

@@ -395,8 +395,9 @@ void CloudBuilder::Impl::emit(const Band& band, CameraWork& w, Cloud& cloud, int
       const auto p = static_cast<std::size_t>(i), pixels_across = static_cast<std::size_t>(width);
       const std::size_t left = u > 0 ? p - 1 : p, right = u < width - 1 ? p + 1 : p;
       const std::size_t up = p >= pixels_across ? p - pixels_across : p, down = p + pixels_across < w.rays.y.size() ? p + pixels_across : p;
+      const std::size_t rows = (down - up) / pixels_across;
       const float a = fit.a[lane] * static_cast<float>(right - left) / (w.rays.x[right] - w.rays.x[left]);
-      const float b = fit.b[lane] * static_cast<float>((down - up) / pixels_across) / (w.rays.y[down] - w.rays.y[up]);
+      const float b = fit.b[lane] * static_cast<float>(rows) / (w.rays.y[down] - w.rays.y[up]);
       const Eigen::Vector3f plane(a, b, fit.w0[lane] - a * w.rays.x[p] - b * w.rays.y[p]);
       const float length = plane.norm();
       if (length > 0 && std::isfinite(length)) normal = w.rays.to_world * (plane * (-1 / length));

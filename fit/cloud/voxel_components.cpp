@@ -239,8 +239,9 @@ bool VoxelComponents::judge(CloudReport& report) {
     if (components_[static_cast<std::size_t>(group)].voxels < kSpeck) continue;
     o.verdict = group == chosen ? VoxelVerdict::person : VoxelVerdict::other;
     if (group == chosen) {
-      const float x = (static_cast<float>(o.voxel % nx_) + 0.5f) * settings_.voxel + origin_.x() - settings_.stage_x;
-      const float z = (static_cast<float>(o.voxel / nx_ / ny_) + 0.5f) * settings_.voxel + origin_.z() - settings_.stage_z;
+      const int across = o.voxel % nx_, deep = o.voxel / nx_ / ny_;
+      const float x = (static_cast<float>(across) + 0.5f) * settings_.voxel + origin_.x() - settings_.stage_x;
+      const float z = (static_cast<float>(deep) + 0.5f) * settings_.voxel + origin_.z() - settings_.stage_z;
       if (x * x + z * z > inside * inside) report.touches_border = true;
     }
   }

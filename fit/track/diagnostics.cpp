@@ -31,8 +31,7 @@ DistanceStatistics statistics(std::vector<float>& values, int count) {
 }  // namespace
 
 Diagnostics::Diagnostics(const BodyModel& model)
-    : model_(model),
-      poser_(model, model.shape_count(), model.vertex_count()),
+    : poser_(model, model.shape_count(), model.vertex_count()),
       body_(model.vertex_count()),
       cloud_(kSamples),
       vertices_(3, model.vertex_count()),

@@ -28,7 +28,6 @@ class Diagnostics {
 
  private:
   static constexpr int kSamples = 2000;
-  const BodyModel& model_;
   Poser poser_;
   PointGrid body_, cloud_;
   Vertices vertices_;

@@ -32,7 +32,7 @@ void command(Input& in) {
   int done = 0;
   std::int64_t now_ns = 0;
   CommandGuard guard(
-      1, kBegan,
+      1, booth::hal::MonotonicTime(),
       [&](DdsCommand kind) {
         require(kind <= DdsCommand::snapshot, "only what there is is carried out");
         ++done;
