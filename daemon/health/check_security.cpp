@@ -65,8 +65,9 @@ Checks look_at(const Place& place, const DoctorInputs& in) {
     for (const auto& warning : found.warnings)
       out.push_back({kGroup, "protection", CheckResult::warning, warning, "issue credentials anew with `boothctl security issue`"});
   } catch (const CredentialError& e) {
-    out.push_back({kGroup, kName, e.may_pass ? CheckResult::warning : CheckResult::error, e.what(),
-                   e.may_pass ? "boothd waits for the clock" : "boothd will not start like this (docs/guide/security.md)"});
+    out.push_back({kGroup, kName, CheckResult::error, e.what(),
+                   e.may_pass ? "boothd does not start like this, and tries again until the clock is right"
+                              : "boothd will not start like this (docs/guide/security.md)"});
   }
   return out;
 }
