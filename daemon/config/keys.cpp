@@ -224,7 +224,7 @@ const std::vector<ConfigKey>& table() {
        .slot = BOOTH_SLOT(session.max_seconds),
        .doc = "A session ends by itself after this many seconds.",
        .minimum = 1,
-       .maximum = 86400},
+       .maximum = 14400},  // its frames are in memory while its files are written: 1.6 GB of boothd.slice's 3
       {.name = "session.search_seconds",
        .slot = BOOTH_SLOT(session.search_seconds),
        .doc = "A session ends by itself when the person has been lost for this many seconds.",

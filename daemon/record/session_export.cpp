@@ -41,16 +41,16 @@ std::vector<SkeletonRow> csv_rows(const std::vector<FrameRecord>& frames) {
   return rows;
 }
 
-constexpr std::int64_t kLongestMotion = 2 * 86'400'000'000'000;  ///< nanoseconds: twice what a session may last; more would ask for all of the memory
+constexpr std::int64_t kLongestMotion = 8 * 3'600'000'000'000;  ///< nanoseconds: twice what a session may last; more would ask for much of the memory
 
-/// The poses at an even rate, as BVH wants them: at each instant the last pose in which the person was seen. Throws where they were more than two days.
+/// The poses at an even rate, as BVH wants them: at each instant the last pose in which the person was seen. Throws where they span more than eight hours.
 std::vector<fit::PoseVector> even_poses(const std::vector<FrameRecord>& frames) {
   std::vector<fit::PoseVector> out;
   const auto seen = [](const FrameRecord& f) { return f.person != PersonState::lost; };
   const auto first = std::find_if(frames.begin(), frames.end(), seen);
   if (first == frames.end()) return out;
   const std::int64_t begin = first->captured_ns, end = frames.back().captured_ns;
-  if (end - begin > kLongestMotion) throw std::runtime_error("the times of the frames span more than two days, which no session lasts");
+  if (end - begin > kLongestMotion) throw std::runtime_error("the times of the frames span more than eight hours, which no session lasts");
   const FrameRecord* shown = &*first;
   auto next = first + 1;
   const auto count = static_cast<std::int64_t>(1e-9 * static_cast<double>(end - begin) * kExportRate) + 1;

@@ -31,8 +31,8 @@ struct Header {
   std::uint32_t record_bytes = sizeof(FrameRecord);
 };
 constexpr std::uint32_t kFirstRecord = 2456, kLargestRecord = 1 << 16;
-// Nanoseconds between two frames. No session lasts longer than a day; and a last frame that comes hours after all others is a time that has rotted.
-constexpr std::int64_t kLongestGap = 86'400'000'000'000, kLongestGapAtEnd = 3'600'000'000'000;
+// Nanoseconds between two frames. No session lasts longer than four hours; and a last frame that comes hours after all others is a time that has rotted.
+constexpr std::int64_t kLongestGap = 14'400'000'000'000, kLongestGapAtEnd = 3'600'000'000'000;
 static_assert(sizeof(FrameRecord) >= kFirstRecord && offsetof(FrameRecord, q) == 72 && offsetof(FrameRecord, reserved) == kFirstRecord - 1,
               "what version 1 wrote lies elsewhere: such a log cannot be read any more");
 
