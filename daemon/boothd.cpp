@@ -388,8 +388,8 @@ int run(int argc, char** argv) {
       ->excludes("--check-config");
   app.set_version_flag("--version", "boothd " BOOTHD_VERSION);
   app.footer(
-      "Exit status: 0 stopped as asked, 64 usage, 69 something needed at the start is missing, 70 internal fault, 75 to be started again with a new "
-      "calibration, 78 configuration.");
+      "Exit status: 0 stopped as asked, 64 usage, 69 something needed at the start is missing, 70 internal fault, 75 to be started again, with a new "
+      "calibration or the network that has come, 78 configuration.");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
