@@ -31,6 +31,7 @@ using tests::sample_models;
 
 constexpr std::uint64_t kFrames = 12;
 
+#if defined(__x86_64__)  // the calls of a traced child, whose numbers and registers are x86's
 /// A whole session in a child process, sealed where there is a key to seal it to. Returns 0 when it says that all is well.
 int run_session(const fs::path& directory, const PublicKey* seal_to) {
   try {
@@ -49,7 +50,6 @@ int run_session(const fs::path& directory, const PublicKey* seal_to) {
   }
 }
 
-#if defined(__x86_64__)
 bool touches_files(unsigned long long call) {
   static const std::set<unsigned long long> calls{SYS_write,    SYS_openat, SYS_fsync,  SYS_fdatasync, SYS_rename, SYS_unlink,
                                                   SYS_unlinkat, SYS_mkdir,  SYS_fchmod, SYS_close,     SYS_rmdir,  SYS_renameat};
