@@ -38,7 +38,8 @@ std::vector<int> plain_loop(const Vertices& v, int count) {
     float farthest = -1;
     for (Eigen::Index i = 0; i < v.cols(); ++i) {
       float& d = distance[static_cast<std::size_t>(i)];
-      d = std::min(d, (v.col(i) - p).squaredNorm());
+      const Eigen::Vector3f to = v.col(i) - p;
+      d = std::min(d, to.x() * to.x() + (to.y() * to.y() + to.z() * to.z()));  // not squaredNorm(): its order of summing is the machine's, and there are ties
       if (d > farthest) farthest = d, next = i;
     }
   }
