@@ -28,6 +28,15 @@ CalibrationInput show_boards(const BoardBoothSettings& settings, BoardBooth& tru
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> uniform(-1, 1);
   const auto noise = [&](double sigma) { return sigma * normal(random); };
+  // In an order of our own: that in which arguments are evaluated is the compiler's, and another one on Arm.
+  const auto across = [&](double x, double y) {
+    const double dy = y * uniform(random), dx = x * uniform(random);
+    return Eigen::Vector2d(dx, dy);
+  };
+  const auto around = [&](double x, double y, double z) {
+    const double dz = z * uniform(random), dy = y * uniform(random), dx = x * uniform(random);
+    return Eigen::Vector3d(dx, dy, dz);
+  };
   CalibrationInput in;
   const double half = settings.side / 2;
   truth = {};
@@ -37,7 +46,7 @@ CalibrationInput show_boards(const BoardBoothSettings& settings, BoardBooth& tru
     in.lenses.push_back(kinect_lens());
     in.expected.push_back(looking({x, y, 1.6}, {0, 0, 0.95}));
     // Nobody hangs a camera exactly where the plan has it.
-    const Eigen::Vector3d at(x + 0.1 * uniform(random), y + 0.1 * uniform(random), 1.6 + 0.1 * uniform(random));
+    const Eigen::Vector3d at = Eigen::Vector3d(x, y, 1.6) + around(0.1, 0.1, 0.1);
     truth.booth_from_camera.push_back(looking(at, {0.1 * uniform(random), 0.1 * uniform(random), 0.9}));
     truth.depth.push_back({noise(0.002), 0.01 * uniform(random)});
   }
@@ -50,8 +59,8 @@ CalibrationInput show_boards(const BoardBoothSettings& settings, BoardBooth& tru
       const Eigen::Vector3d out(std::cos(heading), std::sin(heading), 0.25 + 0.3 * uniform(random));
       const Eigen::Vector3d z = out.normalized(), x = Eigen::Vector3d::UnitZ().cross(z).normalized(), y = z.cross(x);
       board.rotation << x, y, z;
-      board.rotation = board.rotation * rotation_by(0.25 * Eigen::Vector3d(uniform(random), uniform(random), uniform(random)));
-      board.translation = Eigen::Vector3d(0.5 * uniform(random), 0.5 * uniform(random), 1.1 + 0.4 * uniform(random));
+      board.rotation = board.rotation * rotation_by(around(0.25, 0.25, 0.25));
+      board.translation = Eigen::Vector3d(0, 0, 1.1) + around(0.5, 0.5, 0.4);
     }
     truth.booth_from_board.push_back(board);
     for (int c = 0; c < 4; ++c) {
@@ -66,13 +75,15 @@ CalibrationInput show_boards(const BoardBoothSettings& settings, BoardBooth& tru
         const Eigen::Vector2d pixel = in.lenses[k].project(pose * real.corner(id));
         if (!inside(in.lenses[k], pixel)) continue;
         s.corner.push_back(id);
-        pixels.emplace_back(pixel.x() + noise(settings.corner_noise), pixel.y() + noise(settings.corner_noise));
+        const double dy = noise(settings.corner_noise), dx = noise(settings.corner_noise);
+        pixels.emplace_back(pixel.x() + dx, pixel.y() + dy);
       }
       if (s.corner.size() < 12) continue;
       s.pixel.resize(2, static_cast<Eigen::Index>(pixels.size()));
       for (std::size_t i = 0; i < pixels.size(); ++i) s.pixel.col(static_cast<Eigen::Index>(i)) = pixels[i];
       for (int i = 0; i < 60; ++i) {
-        const Eigen::Vector3d p = pose * Eigen::Vector3d(0.45 * real.width() * uniform(random), 0.45 * real.height() * uniform(random), 0);
+        const Eigen::Vector2d on_board = across(0.45 * real.width(), 0.45 * real.height());
+        const Eigen::Vector3d p = pose * Eigen::Vector3d(on_board.x(), on_board.y(), 0);
         s.depth.push_back({p.x() / p.z(), p.y() / p.z(), truth.depth[k].read(p.z()) + noise(settings.depth_noise)});
       }
       in.sightings.push_back(std::move(s));
@@ -84,7 +95,8 @@ CalibrationInput show_boards(const BoardBoothSettings& settings, BoardBooth& tru
     const Rigid camera = truth.booth_from_camera[k].inverse();
     for (int i = 0; i < 4000; ++i) {
       // Floor, one wall, and a person's worth of points above the floor.
-      Eigen::Vector3d p(2 * uniform(random), 2 * uniform(random), 0);
+      const Eigen::Vector2d on_floor = across(2, 2);
+      Eigen::Vector3d p(on_floor.x(), on_floor.y(), 0);
       if (i % 4 == 1) p = {-2.5, 2 * uniform(random), 1 + uniform(random)};
       if (i % 4 == 2) p = {0.3 * uniform(random), 0.3 * uniform(random), 0.9 + 0.9 * uniform(random)};
       const Eigen::Vector3d q = camera * p;
