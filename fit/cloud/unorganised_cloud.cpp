@@ -295,7 +295,7 @@ std::vector<float> enclosure_votes(const Points& points, Points& normals, float 
       };
       const auto way = [&](float sense) {
         Way w{farthest};
-        for (float s = 0; s < farthest; s += stride) {  // NOLINT(clang-analyzer-security.FloatLoopCounter): some dozens of steps, none has to be hit
+        for (float s = 0; s < farthest; s += stride) {
           const Enclosure::Kind kind = space.at(points[i] + sense * s * normals[i]);
           if (kind == Enclosure::kOutside) {
             w.out = s;
