@@ -22,6 +22,10 @@ namespace booth::daemon {
 
 std::vector<hal::CameraDescription> read_cameras(const std::filesystem::path& file) { return drivers::read_calibration(file); }
 
+std::vector<hal::CameraDescription> read_cameras(const std::string& text, const std::filesystem::path& name) {
+  return drivers::parse_calibration_text(text, name);
+}
+
 std::vector<double> read_time_offsets(const std::filesystem::path& file) { return drivers::read_time_offsets(file); }
 
 hal::DepthCameras punctual_cameras(hal::DepthCameras cameras, const std::vector<double>& late) {

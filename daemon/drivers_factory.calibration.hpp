@@ -17,6 +17,8 @@ namespace booth::daemon {
 
 /// The [[camera]] tables of a calibration.toml. Throws std::runtime_error naming file, line and key.
 std::vector<hal::CameraDescription> read_cameras(const std::filesystem::path& file);
+/// The same of text that was read from a file of that name.
+std::vector<hal::CameraDescription> read_cameras(const std::string& text, const std::filesystem::path& name);
 /// Seconds by which each camera's time stamps lie behind its exposures, as the file's `time_offset_ms` have it. Throws the same.
 std::vector<double> read_time_offsets(const std::filesystem::path& file);
 /// The same cameras with so many seconds taken off their time stamps; `late` has one for each.

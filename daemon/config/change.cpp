@@ -171,6 +171,16 @@ std::vector<std::string> changes_of(const ConfigPlan& plan) {
   return out;
 }
 
+std::string free_stamp(const fs::path& file, const std::string& stamp) {
+  const auto taken = [&](const std::string& one) {
+    std::error_code error;
+    return fs::exists(fs::symlink_status(file.string() + ".before-" + one, error));
+  };
+  std::string out = stamp;
+  for (int i = 2; taken(out); ++i) out = fmt::format("{}-{:02}", stamp, i);  // two digits: the oldest come first in the alphabet, and go first
+  return out;
+}
+
 std::vector<std::function<void()>> steps_of(const ConfigPlan& plan, const std::string& stamp, const std::string& software, const std::string& utc) {
   const fs::path file = plan.file, folder = file.string() + ".d";
   const std::string ending = ".before-" + stamp;

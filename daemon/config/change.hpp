@@ -41,6 +41,9 @@ ConfigPlan reset_plan(const ConfigSources& now, bool everything);
 /// One line for each key whose value changes: `key: old -> new`, as TOML writes them.
 std::vector<std::string> changes_of(const ConfigPlan& plan);
 
+/// `stamp`, or with a number behind it where FILE.before-STAMP is there already: two changes within a second each keep what was before them.
+std::string free_stamp(const std::filesystem::path& file, const std::string& stamp);
+
 /// The steps that carry the plan out, each harmless to interrupt: before the second the old configuration is read, after it the new one. `stamp` is in the
 /// names of what is kept: FILE.before-STAMP, an export of the configuration before (the last ten of those), and drop-ins as NAME.before-STAMP. Steps throw
 /// std::runtime_error naming the path.

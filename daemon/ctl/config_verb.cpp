@@ -75,7 +75,7 @@ void carry_out(const ConfigPlan& plan, const Options& options) {
     std::cout << fmt::format("{} value{} would change; nothing was written\n", changes.size(), changes.size() == 1 ? "" : "s");
     return;
   }
-  const std::string utc = utc_text(utc_seconds()), stamp = stamp_of(utc);
+  const std::string utc = utc_text(utc_seconds()), stamp = free_stamp(plan.file, stamp_of(utc));
   for (const auto& step : steps_of(plan, stamp, BOOTHD_VERSION, utc)) step();
   std::cout << fmt::format("{} value{} changed; before: {}.before-{} (`boothctl config import` takes it back)\n", changes.size(),
                            changes.size() == 1 ? "" : "s", plan.file.string(), stamp);

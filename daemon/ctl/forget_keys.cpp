@@ -32,7 +32,7 @@ void add_fleet(const fs::path& folder, std::vector<fs::path>& out) {
   for (const char* name : {kIdentityAuthorityKeyFile, kPermissionsAuthorityKeyFile, "governance.xml"}) add_file(folder / name, out);
   std::error_code error;
   for (fs::directory_iterator it(folder / kIssuedFolder, error), end; !error && it != end; it.increment(error))
-    if (it->is_directory(error)) add_credentials(it->path(), "", out);
+    if (it->is_directory(error) && !it->is_symlink(error)) add_credentials(it->path(), "", out);  // boothd may write here, root follows no link of its
 }
 
 void add_calibration(const fs::path& file, std::vector<fs::path>& out) {

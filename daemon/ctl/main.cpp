@@ -40,6 +40,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a compl
   std::signal(SIGPIPE, SIG_IGN);
   try {
     app.parse(argc, argv);
+    // Half an export is worse than none, and its reader cannot tell: a full disk or a closed pipe is a failure.
+    if (!std::cout.flush()) throw VerbFailure("what it has to say could not be written: the disk is full, or nobody reads it any more");
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : kUsage;
   } catch (const VerbFailure& e) {

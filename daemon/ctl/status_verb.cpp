@@ -97,7 +97,7 @@ void run(const Options& options) {
       if (options.watch && terminal) std::cout << "\033[H\033[2J";
       std::cout << for_people(status) << std::flush;
     }
-    if (!options.watch) return;
+    if (!options.watch || !std::cout) return;  // nobody reads it any more: SIGPIPE does not end this program
     std::this_thread::sleep_for(std::chrono::seconds(1));
   }
 }

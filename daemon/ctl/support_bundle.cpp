@@ -33,6 +33,7 @@ constexpr const char* kStatusKeys[] = {"state",
                                        "dds_security",
                                        "cameras_minimum",
                                        "credential_problem"};
+constexpr std::string_view kLeftOut = "(left out)";
 constexpr const char* kRecorderKeys[] = {"depth_allowed", "seconds_held", "bytes_held", "bytes_capacity", "dropped"};
 
 /// Length of a name such as 20261128T101500Z or 20261128T101500Z-7f3a at the beginning, or 0.
@@ -46,6 +47,22 @@ std::size_t name_length(std::string_view text) {
     for (++n; n < text.size() && (std::isalnum(static_cast<unsigned char>(text[n])) || text[n] == '-' || text[n] == '_'); ++n) {
     }
   return n;
+}
+
+bool in_word(char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-'; }
+
+/// Length of a dotted IPv4 address at the beginning, or 0.
+std::size_t address_length(std::string_view text) {
+  std::size_t n = 0;
+  for (int part = 0; part < 4; ++part) {
+    if (part > 0 && (n >= text.size() || text[n++] != '.')) return 0;
+    std::size_t digits = 0;
+    int value = 0;
+    for (; n < text.size() && digits < 4 && text[n] >= '0' && text[n] <= '9'; ++n, ++digits) value = 10 * value + (text[n] - '0');
+    if (digits == 0 || value > 255) return 0;
+  }
+  const bool goes_on = n < text.size() && (in_word(text[n]) || (text[n] == '.' && n + 1 < text.size() && in_word(text[n + 1])));
+  return goes_on ? 0 : n;
 }
 
 void put(std::string& header, std::size_t at, std::string_view text) { header.replace(at, text.size(), text); }
@@ -84,6 +101,32 @@ std::string without_session_names(const std::string& text) {
     }
     const auto c = static_cast<unsigned char>(text[i++]);
     out += c >= 0x80 || (c < 0x20 && c != '\n' && c != '\t') || c == 0x7f ? '?' : static_cast<char>(c);
+  }
+  return out;
+}
+
+std::string without_values(const std::string& text, const std::vector<std::string>& values) {
+  std::string out = text;
+  for (const auto& value : values)
+    for (std::size_t at = 0; !value.empty() && (at = out.find(value, at)) != std::string::npos;) {
+      const std::size_t end = at + value.size();
+      const bool whole = (at == 0 || !in_word(value.front()) || !in_word(out[at - 1])) && (end == out.size() || !in_word(value.back()) || !in_word(out[end]));
+      if (whole) out.replace(at, value.size(), kLeftOut);
+      at += whole ? kLeftOut.size() : 1;
+    }
+  return out;
+}
+
+std::string without_addresses(const std::string& text) {
+  std::string out;
+  for (std::size_t i = 0; i < text.size();) {
+    const bool begins = i == 0 || !(in_word(text[i - 1]) || text[i - 1] == '.');
+    if (const std::size_t n = begins ? address_length(std::string_view(text).substr(i)) : 0; n > 0) {
+      out += "(address left out)";
+      i += n;
+    } else {
+      out += text[i++];
+    }
   }
   return out;
 }

@@ -18,6 +18,12 @@ struct BundleFile {
 /// Names of sessions and recordings, which are the moments at which people stood in the booth, become "(name left out)"; bytes that are not text become '?'.
 std::string without_session_names(const std::string& text);
 
+/// Each of the values becomes "(left out)", wherever it stands as a word or a path of its own: what the configuration names comes again in sentences.
+std::string without_values(const std::string& text, const std::vector<std::string>& values);
+
+/// IPv4 addresses become "(address left out)": the DDS library names the machines with which it speaks.
+std::string without_addresses(const std::string& text);
+
 /// Of a status only what is listed here: nothing of the person in the booth, of the session, of the last one, and no paths of recordings.
 std::string status_for_report(const StatusJson& status);
 

@@ -5,6 +5,7 @@
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/time.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -14,6 +15,8 @@
 
 namespace booth::daemon {
 namespace {
+
+constexpr std::chrono::seconds kConnectLimit{2};
 
 sockaddr_un address_of(const std::filesystem::path& path) {
   sockaddr_un address{};
@@ -27,6 +30,9 @@ sockaddr_un address_of(const std::filesystem::path& path) {
 UniqueFd make_socket(const std::filesystem::path& path) {
   UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
   if (!fd) throw std::runtime_error(fmt::format("{}: cannot make a socket: {}", path.string(), std::strerror(errno)));
+  // connect() waits for as long as the queue of a program that hangs is full: for ever, where nothing limits it. EAGAIN says then that the time is over.
+  const timeval limit{.tv_sec = kConnectLimit.count(), .tv_usec = 0};
+  (void)::setsockopt(fd.get(), SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit);
   return fd;
 }
 
@@ -52,7 +58,8 @@ UniqueFd listen_unix(const std::filesystem::path& path) {
     if (!S_ISSOCK(info.st_mode))
       throw std::runtime_error(fmt::format("{}: is there already and is not a socket; remove it or set control.socket", path.string()));
     const UniqueFd probe = make_socket(path);
-    if (try_connect(probe.get(), address)) throw std::runtime_error(fmt::format("{}: another boothd is running on this socket", path.string()));
+    if (try_connect(probe.get(), address) || errno == EAGAIN)
+      throw std::runtime_error(fmt::format("{}: another boothd is running on this socket", path.string()));
     ::unlink(path.c_str());
   } else if (path.has_parent_path()) {
     std::error_code ignored;
@@ -78,6 +85,8 @@ UniqueFd connect_unix(const std::filesystem::path& path) {
     case ENOENT:
     case ECONNREFUSED:
       throw std::runtime_error(fmt::format("boothd is not running (nobody listens on {})", path.string()));
+    case EAGAIN:
+      throw std::runtime_error(fmt::format("boothd does not answer (whoever listens on {} takes no connection)", path.string()));
     case EACCES:
       throw std::runtime_error(fmt::format("{}: permission denied; are you in the group boothd?", path.string()));
     default:

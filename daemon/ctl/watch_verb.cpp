@@ -54,7 +54,7 @@ void run(const Options& options) {
   const bool terminal = ::isatty(STDOUT_FILENO);
   const auto begin = std::chrono::steady_clock::now();
   const auto pause = terminal ? std::chrono::milliseconds(100) : std::chrono::milliseconds(1000);
-  for (auto next = begin;; next += pause) {
+  for (auto next = begin; std::cout.good(); next += pause) {
     std::this_thread::sleep_until(next);
     const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     if (options.seconds > 0 && elapsed > options.seconds) return;

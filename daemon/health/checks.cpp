@@ -37,6 +37,22 @@ Checks check_clock(const DoctorInputs&) {
   return {{"clock", "synchronised", CheckResult::ok, fmt::format("synchronised, at most {:.1f} ms off", static_cast<double>(state.maxerror) / 1000)}};
 }
 
+Check judge_disk(const Config& config, const struct statvfs& s) {
+  const double free = static_cast<double>(s.f_bavail) * static_cast<double>(s.f_frsize), quota = static_cast<double>(config.session.quota_bytes);
+  const std::string seen = fmt::format("{} has {:.1f} GB free, session.quota_bytes allows {}", config.session.directory, free / 1e9,
+                                       quota > 0 ? fmt::format("{:.1f} GB", quota / 1e9) : "any amount");
+  const auto result = [](CheckResult how, std::string what, std::string advice) { return Check{"disk", "sessions", how, std::move(what), std::move(advice)}; };
+  if ((s.f_flag & ST_RDONLY) != 0)
+    return result(CheckResult::error, config.session.directory + " is on a disk that can only be read",
+                  "see the kernel's log: a disk with errors is often made read-only; sessions that cannot be written are lost");
+  if (s.f_files > 0 && s.f_favail == 0)
+    return result(CheckResult::error, config.session.directory + " is on a disk that takes no more files, whatever room it has (df -i)",
+                  "delete files: sessions that cannot be written are lost");
+  if (free < 1e9) return result(CheckResult::error, seen, "make room: sessions that cannot be written are lost");
+  if (quota > free) return result(CheckResult::warning, seen, "the disk may be full before the quota is used: lower session.quota_bytes, or make room");
+  return result(CheckResult::ok, seen, "");
+}
+
 Checks check_disk(const DoctorInputs& in) {
   std::filesystem::path folder = in.config.session.directory;
   std::error_code error;
@@ -45,41 +61,51 @@ Checks check_disk(const DoctorInputs& in) {
   if (::statvfs(folder.empty() ? "." : folder.c_str(), &s) != 0)
     return {{"disk", "sessions", CheckResult::warning, fmt::format("{} cannot be examined", in.config.session.directory),
              "does session.directory exist, may this user see it?"}};
-  const double free = static_cast<double>(s.f_bavail) * static_cast<double>(s.f_frsize), quota = static_cast<double>(in.config.session.quota_bytes);
-  const std::string seen = fmt::format("{} has {:.1f} GB free, session.quota_bytes allows {}", in.config.session.directory, free / 1e9,
-                                       quota > 0 ? fmt::format("{:.1f} GB", quota / 1e9) : "any amount");
-  if (free < 1e9) return {{"disk", "sessions", CheckResult::error, seen, "make room: sessions that cannot be written are lost"}};
-  if (quota > free)
-    return {{"disk", "sessions", CheckResult::warning, seen, "the disk may be full before the quota is used: lower session.quota_bytes, or make room"}};
-  return {{"disk", "sessions", CheckResult::ok, seen}};
+  return {judge_disk(in.config, s)};
+}
+
+Check judge_network(const std::string& wanted, const std::vector<NetworkAddress>& there) {
+  const auto result = [](CheckResult how, std::string what, std::string advice) { return Check{"dds", "interface", how, std::move(what), std::move(advice)}; };
+  std::set<std::string> up;
+  bool found = false, found_up = false, usable = false, beyond = false;
+  for (const NetworkAddress& a : there) {
+    const bool same = wanted == a.interface || wanted == a.address, serves = !a.address.empty();
+    if (a.up) up.insert(a.interface);
+    found = found || same;
+    found_up = found_up || (same && a.up);
+    usable = usable || (same && a.up && serves);
+    beyond = beyond || (a.up && serves && !a.loopback);
+  }
+  std::string names;
+  for (const auto& name : up) names += (names.empty() ? "" : ", ") + name;
+  if (wanted.empty() && !beyond)
+    return result(CheckResult::warning, "no interface but loopback is up and has an IPv4 address: nobody on another machine hears this booth",
+                  "look at cable, switch and DHCP (ip address); boothd takes the network when it comes");
+  if (wanted.empty()) return result(CheckResult::ok, "the library chooses among " + names, "");
+  if (!found) return result(CheckResult::error, fmt::format("dds.interface \"{}\" does not exist; up are {}", wanted, names), "name one of them, or none");
+  if (!found_up) return result(CheckResult::error, fmt::format("dds.interface \"{}\" is down", wanted), "bring it up, or name another");
+  // boothd looks no closer where an IPv6 address is asked for.
+  if (!usable && wanted.find(':') == std::string::npos)
+    return result(CheckResult::error, fmt::format("dds.interface \"{}\" is up and has no IPv4 address: nobody hears this booth", wanted),
+                  "look at cable, switch and DHCP (ip address); boothd takes the network when it comes");
+  return result(CheckResult::ok, wanted + " is up", "");
 }
 
 Checks check_dds(const DoctorInputs& in) {
   if (!in.config.dds.enabled) return {{"dds", "interface", CheckResult::skipped, "dds.enabled is false"}};
   ifaddrs* list = nullptr;
   if (::getifaddrs(&list) != 0) return {{"dds", "interface", CheckResult::skipped, "the network interfaces cannot be listed"}};
-  std::set<std::string> up;
-  bool found = false, found_up = false;
+  std::vector<NetworkAddress> there;
   for (const ifaddrs* a = list; a != nullptr; a = a->ifa_next) {
     char address[NI_MAXHOST] = "";
     const int family = a->ifa_addr == nullptr ? AF_UNSPEC : a->ifa_addr->sa_family;
-    if (family == AF_INET || family == AF_INET6)
+    const bool asked_for = family == AF_INET || (family == AF_INET6 && in.config.dds.interface.find(':') != std::string::npos);
+    if (asked_for)
       (void)::getnameinfo(a->ifa_addr, family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6), address, sizeof address, nullptr, 0, NI_NUMERICHOST);
-    const bool is_up = (a->ifa_flags & IFF_UP) != 0, same = in.config.dds.interface == a->ifa_name || in.config.dds.interface == address;
-    if (is_up) up.insert(a->ifa_name);
-    found = found || same;
-    found_up = found_up || (same && is_up);
+    there.push_back({a->ifa_name, address, (a->ifa_flags & IFF_UP) != 0, (a->ifa_flags & IFF_LOOPBACK) != 0});
   }
   ::freeifaddrs(list);
-  std::string names;
-  for (const auto& name : up) names += (names.empty() ? "" : ", ") + name;
-  const auto& wanted = in.config.dds.interface;
-  if (wanted.empty()) return {{"dds", "interface", CheckResult::ok, "the library chooses among " + names}};
-  if (!found)
-    return {
-        {"dds", "interface", CheckResult::error, fmt::format("dds.interface \"{}\" does not exist; up are {}", wanted, names), "name one of them, or none"}};
-  if (!found_up) return {{"dds", "interface", CheckResult::error, fmt::format("dds.interface \"{}\" is down", wanted), "bring it up, or name another"}};
-  return {{"dds", "interface", CheckResult::ok, wanted + " is up"}};
+  return {judge_network(in.config.dds.interface, there)};
 }
 
 Checks run_checks(const DoctorInputs& in) {
@@ -88,7 +114,7 @@ Checks run_checks(const DoctorInputs& in) {
     out.push_back({"configuration", "loads", CheckResult::ok, "no mistakes"});
   else
     out.push_back({"configuration", "loads", CheckResult::error, in.config_problem, "boothd will not start like this; the checks below look at the defaults"});
-  for (const auto group : {check_usb, check_cameras, check_clock, check_disk, check_dds, check_security, check_ros2, check_gpio})
+  for (const auto group : {check_usb, check_cameras, check_files, check_clock, check_disk, check_dds, check_security, check_ros2, check_gpio})
     for (auto& check : group(in)) out.push_back(std::move(check));
   return out;
 }

@@ -10,6 +10,8 @@
 #include "hal/gpio_chips.hpp"
 #include "hal/usb_topology.hpp"
 
+struct statvfs;
+
 namespace booth::daemon {
 
 enum class CheckResult : std::uint8_t { ok, warning, error, skipped };
@@ -39,11 +41,20 @@ struct DoctorInputs {
 Checks check_usb(const DoctorInputs& in);
 Checks check_cameras(const DoctorInputs& in);
 Checks check_clock(const DoctorInputs& in);
+Checks check_files(const DoctorInputs& in);
 Checks check_disk(const DoctorInputs& in);
 Checks check_dds(const DoctorInputs& in);
 Checks check_security(const DoctorInputs& in);
 Checks check_ros2(const DoctorInputs& in);
 Checks check_gpio(const DoctorInputs& in);
+
+/// What check_disk() and check_dds() think of what the kernel said.
+Check judge_disk(const Config& config, const struct statvfs& disk);
+struct NetworkAddress {
+  std::string interface, address;  ///< without an IPv4 address: empty
+  bool up = false, loopback = false;
+};
+Check judge_network(const std::string& wanted, const std::vector<NetworkAddress>& there);
 
 /// All groups in the order in which they are printed. Never throws for what it finds on the machine.
 Checks run_checks(const DoctorInputs& in);

@@ -1,9 +1,11 @@
 // What doctor says of planted machines: each trouble by its name, with its remedy, and silence where nothing is wrong.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/statvfs.h>
 
 #include "daemon/drivers_factory.usb.hpp"
 #include "daemon/health/checks.hpp"
+#include "tests/daemon/support/temporary_folder.hpp"
 #include "tests/drivers/usb/planted_sysfs.hpp"
 
 namespace booth::daemon {
@@ -148,6 +150,46 @@ TEST_F(DoctorTest, FindsAnInterfaceThatDoesNotExist) {
   EXPECT_EQ(worst(check_dds(in), "interface"), "error");
   in.config.dds.interface = "127.0.0.1";
   EXPECT_EQ(worst(check_dds(in), "interface"), "ok");
+}
+
+TEST_F(DoctorTest, AnInterfaceWithoutAnAddressServesNobody) {
+  const std::vector<NetworkAddress> there{{"lo", "127.0.0.1", true, true}, {"eth0", "", true, false}};
+  EXPECT_EQ(judge_network("eth0", there).result, CheckResult::error);
+  EXPECT_THAT(judge_network("eth0", there).seen, HasSubstr("no IPv4 address"));
+  EXPECT_EQ(judge_network("lo", there).result, CheckResult::ok);
+  EXPECT_EQ(judge_network("", there).result, CheckResult::warning) << "loopback alone is no network";
+  const std::vector<NetworkAddress> more{{"eth0", "", true, false}, {"eth0", "192.0.2.7", true, false}};
+  for (const char* wanted : {"", "eth0", "192.0.2.7"}) EXPECT_EQ(judge_network(wanted, more).result, CheckResult::ok) << wanted;
+  EXPECT_EQ(judge_network("eth0", {{"eth0", "192.0.2.7", false, false}}).result, CheckResult::error) << "down";
+}
+
+TEST_F(DoctorTest, OfADiskThatTakesNothingWhateverRoomItHas) {
+  struct statvfs disk {};
+  disk.f_frsize = 4096;
+  disk.f_bavail = 100'000'000;
+  disk.f_files = disk.f_favail = 1000;
+  EXPECT_EQ(judge_disk(in.config, disk).result, CheckResult::ok);
+  disk.f_flag = ST_RDONLY;
+  EXPECT_EQ(judge_disk(in.config, disk).result, CheckResult::error);
+  EXPECT_THAT(judge_disk(in.config, disk).seen, HasSubstr("only be read"));
+  disk.f_flag = 0;
+  disk.f_favail = 0;
+  EXPECT_THAT(judge_disk(in.config, disk).seen, HasSubstr("no more files"));
+  disk.f_files = 0;
+  EXPECT_EQ(judge_disk(in.config, disk).result, CheckResult::ok) << "a file system that does not count them";
+  disk.f_bavail = 10;
+  EXPECT_EQ(judge_disk(in.config, disk).result, CheckResult::error);
+}
+
+TEST_F(DoctorTest, ReadsWhatBoothdCannotStartWithout) {
+  const tests::TemporaryFolder folder;
+  EXPECT_EQ(worst(check_files(in), "key"), "skipped");
+  in.config.privacy.seal_to = folder.write("key.public", "boothd-public-1 00\n").string();
+  in.config.models.directory = folder.path.string();
+  folder.write("men.npz", "PK");
+  EXPECT_EQ(worst(check_files(in), "body models"), "error");
+  EXPECT_EQ(worst(check_files(in), "key"), "error");
+  EXPECT_THAT(troubles(check_files(in)), HasSubstr("key.public"));
 }
 
 TEST_F(DoctorTest, SaysHowANodeOfRos2FindsTheBooth) {

@@ -107,6 +107,13 @@ TEST(ConfigImport, TheBackupTakesItBack) {
   EXPECT_EQ(all_values(to.config()), before);
 }
 
+TEST(ConfigImport, NoBackupIsWrittenOver) {
+  const Box box;
+  EXPECT_EQ(free_stamp(box.file, "now"), "now");
+  for (const char* name : {"boothd.toml.before-now", "boothd.toml.before-now-02"}) box.folder.write(name, "");
+  EXPECT_EQ(free_stamp(box.file, "now"), "now-03");
+}
+
 TEST(ConfigImport, KeepsTenBackups) {
   const Box box;
   for (int i = 10; i < 25; ++i) {

@@ -68,10 +68,30 @@ TEST_F(ConfigProgram, AWrongFileChangesNothing) {
   EXPECT_EQ(now().stage.radius, 1.5);
 }
 
+TEST_F(ConfigProgram, TwoChangesWithinASecondKeepBothBackups) {
+  const std::string out = (folder.path / "out.toml").string();
+  ASSERT_EQ(config({"export", "--out", out, "--set", "stage.radius=2.5"}), 0) << output;
+  ASSERT_EQ(config({"import", out}), 0) << output;
+  ASSERT_EQ(config({"reset"}), 0) << output;
+  std::size_t backups = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path)) backups += entry.path().filename().string().starts_with("boothd.toml.before-");
+  EXPECT_EQ(backups, 2u);
+}
+
+TEST_F(ConfigProgram, HalfAnExportIsAFailure) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "skipped: this machine has no /dev/full";
+  tests::Program shell("/bin/sh", {"-c", "exec \"$0\" config export --config \"$1\" > /dev/full", BOOTH_BINARY_DIR "/bin/boothctl", file.string()},
+                       folder.path / "shell");
+  EXPECT_EQ(shell.wait(), 1) << shell.output();
+  EXPECT_THAT(shell.err(), HasSubstr("could not be written"));
+}
+
 TEST_F(ConfigProgram, ResettingEverythingIsMeantAndDeletesKnownFilesOnly) {
   make_fleet(own(), "local", 10, utc_seconds());
   issue(own(), {.role = Role::booth, .name = "lobby", .booths = {}}, utc_seconds());
   folder.write("security/issued/booth.lobby/notes.txt", "mine");
+  folder.write("elsewhere/key.pem", "of somebody else");
+  std::filesystem::create_directory_symlink(folder.path / "elsewhere", own() / "issued" / "booth.link");
   folder.write("calibration.toml", "x");
   folder.write("calibration.before-1.toml", "x");
   folder.write("other.toml", "x");
@@ -84,6 +104,7 @@ TEST_F(ConfigProgram, ResettingEverythingIsMeantAndDeletesKnownFilesOnly) {
   EXPECT_EQ(config({"reset", "--all", "--confirm", "lobby"}), 0) << output;
   EXPECT_FALSE(there("calibration.toml") || there("calibration.before-1.toml") || there("security/issued/booth.lobby/key.pem") ||
                there("security/identity_ca.key.pem"));
+  EXPECT_TRUE(there("elsewhere/key.pem")) << "a link that boothd could have made leads nowhere";
   EXPECT_TRUE(there("other.toml") && there("security/issued/booth.lobby/notes.txt"));
   EXPECT_THAT(output, HasSubstr("holds other files"));
   EXPECT_EQ(now().dds.security, "on");

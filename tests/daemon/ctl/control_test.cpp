@@ -186,6 +186,22 @@ TEST_F(ControlTest, TheSocketIsForTheGroupAndGoesAway) {
   }
 }
 
+TEST(UnixSocket, WhoeverTakesNoConnectionIsNotWaitedForForEver) {
+  tests::TemporaryFolder folder;
+  const auto path = folder.path / "s";
+  const UniqueFd deaf = listen_unix(path);
+  std::vector<UniqueFd> queue;
+  std::string complaint;
+  for (int i = 0; i < 64 && complaint.empty(); ++i) try {
+      queue.push_back(connect_unix(path));
+    } catch (const std::runtime_error& e) {
+      complaint = e.what();
+    }
+  EXPECT_THAT(complaint, HasSubstr("does not answer"));
+  EXPECT_THROW(listen_unix(path), std::runtime_error) << "it is there all the same";
+  EXPECT_TRUE(std::filesystem::is_socket(path));
+}
+
 TEST(UnixSocket, ALeftOverSocketIsReplacedAFileIsNot) {
   tests::TemporaryFolder folder;
   const auto path = folder.path / "s";

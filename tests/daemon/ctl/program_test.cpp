@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "daemon/ctl/control_client.hpp"
+#include "daemon/ctl/control_server.hpp"
 #include "tests/daemon/support/fake_booth.hpp"
 #include "tests/daemon/support/program.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
@@ -97,6 +98,20 @@ TEST_F(ProgramTest, ExitStatuses) {
   EXPECT_EQ(run("boothctl", {"track", "/nonexistent"}), 1);
 }
 
+TEST_F(ProgramTest, DoctorKnowsWhatBoothdCannotStartWithout) {
+  EXPECT_EQ(run("boothctl", {"doctor", "--set", "models.directory=/nonexistent"}), 1);
+  EXPECT_THAT(output, HasSubstr("no body models"));
+  EXPECT_EQ(run("boothctl", {"doctor", "--set", "privacy.seal_to=/nonexistent/key.public"}), 1);
+  EXPECT_THAT(output, HasSubstr("/nonexistent/key.public"));
+}
+
+TEST_F(ProgramTest, WatchingEndsWhenNobodyReadsIt) {
+  const ControlServer boothd(socket, [](const std::string&) { return std::string(R"({"ok":true,"state":"idle"})"); });
+  Program shell("/bin/sh", {"-c", "\"$0\" status --watch --json --socket \"$1\" | head -n 1", BOOTH_BINARY_DIR "/bin/boothctl", socket}, folder.path / "shell");
+  EXPECT_EQ(shell.wait(), 0) << shell.output();
+  EXPECT_THAT(shell.out(), HasSubstr("idle"));
+}
+
 TEST_F(ProgramTest, ATruncatedRecordingIsOneSentence) {
   folder.write("rec/metadata.yaml", "rosbag2_bagfile_information:\n  version: 5\n  stor");
   folder.write("rec/rec_0.db3", std::string("SQLite format 3\0garbage", 23));
@@ -165,17 +180,31 @@ TEST_F(ProgramTest, ASupportBundleHasNothingOfASession) {
   const std::string session = ask("status")["session"].get<std::string>(), bundle = (folder.path / "report.tar").string();
   auto arguments = daemon_arguments();
   arguments.insert(arguments.begin(), {"report", "--out", bundle});
-  arguments.insert(arguments.end(), {"--set", "cameras.kinect2.calibration=" + folder.write("c.toml", "# from " + session + "\nx = 1\n").string()});
+  const auto calibration = folder.write("c.toml", "# from " + session + "\n" + read_text(BOOTH_SOURCE_DIR "/tests/daemon/state/version-1/calibration.toml"));
+  arguments.insert(arguments.end(), {"--set", "cameras.kinect2.calibration=" + calibration.string()});
   arguments.insert(arguments.end(), {"--set", "dds.peers=[\"192.0.2.7\"]"});
+  // Doctor complains of it, with its path.
+  arguments.insert(arguments.end(), {"--set", "privacy.seal_to=/nonexistent/whose.public"});
   EXPECT_EQ(run("boothctl", arguments), 0) << output;
   const std::string text = read_text(bundle);
-  for (const char* there : {"boothd-report/CONTENTS.txt", "\"state\"", "front-left", "[cameras.kinect2]", "usb_controllers", "x = 1"})
+  for (const char* there : {"boothd-report/CONTENTS.txt", "\"state\"", "front-left", "[cameras.kinect2]", "usb_controllers", "501000000001"})
     EXPECT_THAT(text, HasSubstr(there));
   ASSERT_GE(session.size(), 16u);
   EXPECT_EQ(text.find(session.substr(0, 16)), std::string::npos);
-  for (const char* absent : {"\"session\"", "last_session", "residual", "\"person\"", "joints", "192.0.2.7"})
+  for (const char* absent : {"\"session\"", "last_session", "residual", "\"person\"", "joints", "192.0.2.7", "whose.public"})
     EXPECT_EQ(text.find(absent), std::string::npos) << absent;
   EXPECT_EQ(run("boothctl", {"report", "--out", "/nonexistent/report.tar"}), 1);
+}
+
+TEST_F(ProgramTest, ASupportBundleTakesNoFileThatIsNoCalibration) {
+  // boothd may put a link in the calibration's place, and root writes the bundle.
+  const auto secret = folder.write("shadow", "root:secret-hash:1\n");
+  const auto calibration = folder.path / "calibration.toml", bundle = folder.path / "report.tar";
+  std::filesystem::create_symlink(secret, calibration);
+  EXPECT_EQ(run("boothctl", {"report", "--out", bundle.string(), "--socket", socket, "--set", "cameras.kinect2.calibration=" + calibration.string()}), 0)
+      << output;
+  EXPECT_EQ(read_text(bundle).find("secret-hash"), std::string::npos);
+  EXPECT_THAT(read_text(bundle), HasSubstr("no calibration"));
 }
 
 #ifdef BOOTHD_EMULATOR

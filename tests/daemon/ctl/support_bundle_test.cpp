@@ -21,6 +21,20 @@ TEST(SupportBundle, NamesOfSessionsAreLeftOut) {
   EXPECT_EQ(without_session_names("a\x1b[31m\xff\n"), "a?[31m?\n");
 }
 
+TEST(SupportBundle, WhatTheConfigurationNamesIsLeftOutOfSentences) {
+  const std::vector<std::string> values{"/etc/boothd/keys/whose.public", "/etc/boothd/keys", "192.0.2.7", ""};
+  EXPECT_EQ(without_values("/etc/boothd/keys/whose.public: cannot be read; 192.0.2.7:7410, /etc/boothd/keys/x", values),
+            "(left out): cannot be read; (left out):7410, (left out)/x");
+  EXPECT_EQ(without_values("192.0.2.77 and 1192.0.2.7", values), "192.0.2.77 and 1192.0.2.7") << "another's";
+  EXPECT_EQ(without_values("a", {"a", "(left out)"}), "(left out)");
+}
+
+TEST(SupportBundle, AddressesAreLeftOut) {
+  EXPECT_EQ(without_addresses("DDS: udp/192.0.2.7:7410 unreachable, 10.1.2.3."), "DDS: udp/(address left out):7410 unreachable, (address left out).");
+  for (const char* text : {"", "1.2.3", "6.1.0-28-amd64", "1.2.3.4.5", "port 2-1.4.3.2", "256.1.1.1", "1.2.3.4x", "1..2.3", "1.2.3."})
+    EXPECT_EQ(without_addresses(text), text);
+}
+
 TEST(SupportBundle, OfTheStatusOnlyTheListedKeys) {
   const std::string text = status_for_report(StatusJson::parse(R"({"ok":true,"state":"tracking","alarm":"session 20261128T101500Z-7f3a could not be saved",
     "session":"secret-1","session_folder":"/secret-2","person":"secret-3","residual":0.123456,"coverage":0.123456,"others":123456,"remark":"secret-4",
