@@ -32,7 +32,7 @@ constexpr hal::LightShow kFailed{.pattern = hal::LightPattern::fault_code, .code
 
 void show_failed_light(const ConfigSources& sources, const sigset_t& signals) {
   const Config config = light_alone(sources);
-  const std::string remedy = "see journalctl -u boothd, then: systemctl restart boothd";
+  const std::string remedy = "see journalctl -u boothd, then: systemctl reset-failed boothd; systemctl restart boothd";
   if (!has_light(config)) {
     log_message(LogLevel::error, Message::given_up, "boothd has failed and is not tried again, and there is no light to say so (gpio.light); " + remedy);
     return;

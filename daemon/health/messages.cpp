@@ -41,7 +41,7 @@ constexpr std::array<MessageEntry, 18> kMessages{{
      "Something in boothd asked for a system call that is not in its list. Told once for each call.",
      "After an update: report it. Without an update: treat the box as attacked."},
     {Message::given_up, "cb1823dfbdaf410ea0e9ab2b16499cd6", "given up", "boothd has failed and is not started again.",
-     "The last error before it says why. Mend that, then `systemctl restart boothd`."},
+     "The last error before it says why. Mend that, then `systemctl reset-failed boothd; systemctl restart boothd`."},
     {Message::newer_file, "2c113eb18ff3462c9069c72d0b256568", "newer file",
      "boothd reads a file of its next version; what it does not know in there has no effect. So it is after an update that was taken back.",
      "Nothing, if that is what happened; otherwise the file's `version` is wrong."},

@@ -137,6 +137,11 @@ TEST_F(UnitsTest, TheUserAndTheFoldersAreWellFormed) {
   EXPECT_EQ(fs::status(root / "etc/boothd/credentials").permissions(), fs::perms::owner_all);
 }
 
+TEST_F(UnitsTest, WhatIsStartedWithBoothdIsStartedAsOftenAsBoothd) {
+  EXPECT_THAT(read_text(kUnits / "boothd-usb-recover@.path"), HasSubstr("\nPartOf=boothd.service\n"));
+  EXPECT_THAT(read_text(kUnits / "boothd-usb-recover@.path"), HasSubstr("\nStartLimitIntervalSec=0\n"));
+}
+
 TEST_F(UnitsTest, EveryStepOfTheUnitIsOneThatTheProgramKnows) {
   // boothd.service starts one path for each; the program's own list is tests/drivers/usb/recover_request_test.cpp.
   const std::string unit = read_text(kUnits / "boothd.service");
