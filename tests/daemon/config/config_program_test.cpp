@@ -74,7 +74,8 @@ TEST_F(ConfigProgram, TwoChangesWithinASecondKeepBothBackups) {
   ASSERT_EQ(config({"import", out}), 0) << output;
   ASSERT_EQ(config({"reset"}), 0) << output;
   std::size_t backups = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(folder.path)) backups += entry.path().filename().string().starts_with("boothd.toml.before-");
+  for (const auto& entry : std::filesystem::directory_iterator(file.parent_path()))
+    backups += entry.path().filename().string().starts_with("boothd.toml.before-");
   EXPECT_EQ(backups, 2u);
 }
 
