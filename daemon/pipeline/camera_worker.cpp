@@ -49,12 +49,12 @@ void CameraWorker::pause(hal::Nanoseconds duration) {
   // Wall time in small steps: a restart is about the real device, and the end of the daemon must not wait for it.
   for (auto waited = 0ns; waited < duration && !stop_; waited += 20ms) {
     std::this_thread::sleep_for(20ms);
-    progress_.fetch_add(1, std::memory_order_relaxed);
+    progress_.turn();
   }
 }
 
 bool CameraWorker::start_camera() {
-  const BusyWithDevice busy(*this);
+  const PatientProgress::Busy busy(progress_);
   try {
     camera_.start();
     return true;  // what was wrong is shown until a frame proves that it is over
@@ -65,16 +65,8 @@ bool CameraWorker::start_camera() {
 }
 
 void CameraWorker::stop_camera() {
-  const BusyWithDevice busy(*this);
+  const PatientProgress::Busy busy(progress_);
   camera_.stop();
-}
-
-std::uint64_t CameraWorker::progress() const {
-  const std::uint64_t turns = progress_.load(std::memory_order_relaxed);
-  const auto since = busy_since_.load(std::memory_order_relaxed);
-  if (since == 0) return turns;
-  const auto busy = clock_.now() - hal::MonotonicTime(hal::Nanoseconds(since));
-  return turns + static_cast<std::uint64_t>(std::clamp<std::int64_t>(busy / 100ms, 0, kPatienceWithDevice / 100ms));
 }
 
 void CameraWorker::note_frame(hal::MonotonicTime now) {
@@ -108,7 +100,7 @@ void CameraWorker::run() {
     int silent = 0;
     bool ended = false;
     while (!stop_) {
-      progress_.fetch_add(1, std::memory_order_relaxed);
+      progress_.turn();
       if (slot < 0 && !free_.pop(slot)) slot = -1;
       hal::DepthFrame& target = slot < 0 ? spare_ : slots_[static_cast<std::size_t>(slot)];
       const hal::ReadStatus status = camera_.read(target, kReadTimeout);

@@ -8,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "daemon/health/patient_progress.hpp"
 #include "daemon/pipeline/index_ring.hpp"
 #include "daemon/pipeline/wakeup.hpp"
 #include "hal/clock.hpp"
@@ -47,18 +48,10 @@ class CameraWorker {
   CameraStatus status() const;
   /// Moves with every turn of the thread's loop, frames or not. A device that hangs may hold up its start or stop for many seconds, and that is no reason to
   /// end the daemon: meanwhile it moves with the time, for a minute at most.
-  std::uint64_t progress() const;
+  std::uint64_t progress() const { return progress_.value(); }
   std::size_t memory_bytes() const;
 
  private:
-  static constexpr hal::Nanoseconds kPatienceWithDevice = std::chrono::minutes(1);
-  struct BusyWithDevice {
-    explicit BusyWithDevice(CameraWorker& worker) : w(worker) { w.busy_since_ = w.clock_.now().time_since_epoch().count(); }
-    ~BusyWithDevice() { w.busy_since_ = 0; }
-    BusyWithDevice(const BusyWithDevice&) = delete;
-    CameraWorker& w;
-  };
-
   void run();
   bool start_camera();
   void stop_camera();
@@ -74,8 +67,8 @@ class CameraWorker {
   hal::DepthFrame spare_;  ///< read into when all slots are in use, so that the device does not stall
   IndexRing<int, kSlots> ready_, free_;
   std::atomic<CameraState> state_{CameraState::starting};
-  std::atomic<std::uint64_t> progress_{0}, no_slot_{0};
-  std::atomic<std::int64_t> busy_since_{0};  ///< monotonic nanoseconds; 0: not in a start or stop of the device
+  std::atomic<std::uint64_t> no_slot_{0};
+  PatientProgress progress_{clock_};
   std::atomic<std::uint32_t> restarts_{0};
   std::atomic<float> fps_{0};
   hal::MonotonicTime window_start_{};

@@ -82,18 +82,10 @@ void Controller::log(const FrameRecord& record) noexcept {
   bell_.ring();
 }
 
-std::uint64_t Controller::progress() const {
-  const std::uint64_t turns = progress_.load(std::memory_order_relaxed);
-  const auto since = busy_since_.load(std::memory_order_relaxed);
-  if (since == 0) return turns;
-  const auto busy = clock_.now() - hal::MonotonicTime(hal::Nanoseconds(since));
-  return turns + static_cast<std::uint64_t>(std::clamp<std::int64_t>(busy / 100ms, 0, kPatienceWithDisk / 100ms));
-}
-
 void Controller::loop() {
   while (!stop_) {
     bell_.wait(10ms);
-    progress_.fetch_add(1, std::memory_order_relaxed);
+    progress_.turn();
     take_requests();
     take_frames();
     watch_cameras();
@@ -232,7 +224,7 @@ void Controller::begin_session() {
 }
 
 std::filesystem::path Controller::open_folder(const SessionInfo& info) {
-  const BusyWithDisk busy(*this);
+  const PatientProgress::Busy busy(progress_);
   for (const auto& line : prune_sessions(settings_.session_directory, settings_.quota_bytes, settings_.max_age_days, info.began_utc_ns))
     log_line(LogLevel::info, line);
   seal_ = settings_.seal_to ? Seal::fresh(*settings_.seal_to) : nullptr;
@@ -260,7 +252,7 @@ void Controller::end_session(const std::string& reason, const std::string& state
   pipeline_->deactivate();
   take_frames();
   {
-    const BusyWithDisk busy(*this);
+    const PatientProgress::Busy busy(progress_);
     log_.close();
   }
   SessionInfo info = settings_.info;

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "daemon/dds/dds_link.hpp"
+#include "daemon/health/patient_progress.hpp"
 #include "daemon/pipeline/pipeline.hpp"
 #include "daemon/record/session_files.hpp"
 #include "daemon/record/session_log.hpp"
@@ -112,7 +113,7 @@ class Controller final : public FrameSink {
   SessionState state() const { return state_.load(std::memory_order_acquire); }
   /// Moves with every turn of the controller's thread. A slow disk may hold up a session's beginning or end for many seconds, and that is no reason to end the
   /// daemon: meanwhile it moves with the time, for a minute at most.
-  std::uint64_t progress() const;
+  std::uint64_t progress() const { return progress_.value(); }
 
   void publish(FrameRecord& record) noexcept override;
   void log(const FrameRecord& record) noexcept override;
@@ -122,13 +123,6 @@ class Controller final : public FrameSink {
     SessionEvent event;
     std::string source;
     std::promise<ControlAnswer> answer;
-  };
-  static constexpr hal::Nanoseconds kPatienceWithDisk = std::chrono::minutes(1);
-  struct BusyWithDisk {
-    explicit BusyWithDisk(Controller& controller) : c(controller) { c.busy_since_ = c.clock_.now().time_since_epoch().count(); }
-    ~BusyWithDisk() { c.busy_since_ = 0; }
-    BusyWithDisk(const BusyWithDisk&) = delete;
-    Controller& c;
   };
   /// What the thread needs to know of a frame.
   struct FrameNote {
@@ -174,8 +168,7 @@ class Controller final : public FrameSink {
   bool ending_ = false;  ///< nothing begins any more
 
   std::atomic<SessionState> state_{SessionState::idle};
-  std::atomic<std::uint64_t> progress_{0};
-  std::atomic<std::int64_t> busy_since_{0};  ///< monotonic nanoseconds; 0: not waiting for the disk
+  PatientProgress progress_{clock_};
   IndexRing<FrameNote, 256> notes_;
   SessionLog log_;
 
