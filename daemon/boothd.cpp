@@ -51,7 +51,8 @@ namespace {
 
 enum ExitStatus { kStopped = 0, kUsage = 64, kUnavailable = 69, kInternal = 70, kAgain = 75, kConfiguration = 78 };
 
-constexpr auto kWatchPatience = std::chrono::seconds(10);  ///< a thread that has not moved for so long hangs
+constexpr auto kNetworkPatience = std::chrono::seconds(4);  ///< READY within ten seconds, whatever the network does
+constexpr auto kWatchPatience = std::chrono::seconds(10);   ///< a thread that has not moved for so long hangs
 
 /// An error that knows its exit status.
 struct StartFailure : std::runtime_error {
@@ -178,10 +179,18 @@ struct PanelParts {
   std::optional<PanelLink> link;
 };
 
-/// The network that DDS should have and does not have yet; null where it is there, and where nobody would start boothd again when it comes.
+bool stop_is_pending() {
+  sigset_t pending;
+  return ::sigpending(&pending) == 0 && (::sigismember(&pending, SIGTERM) == 1 || ::sigismember(&pending, SIGINT) == 1);
+}
+
+/// The network that DDS should have and does not have yet; null where it is there, and where nobody would start boothd again when it comes. Most boxes have
+/// their address seconds after boothd could start, and that long it is waited for; for a switch that comes a minute later the visitor does not wait.
 std::unique_ptr<NetworkThere> missing_network(const Config& config) {
   if (!config.dds.enabled || !is_supervised()) return nullptr;
   auto network = stage(kUnavailable, [&] { return std::make_unique<NetworkThere>(config.dds.interface); });
+  for (const auto until = std::chrono::steady_clock::now() + kNetworkPatience; !network->there(); std::this_thread::sleep_for(std::chrono::milliseconds(50)))
+    if (std::chrono::steady_clock::now() >= until || stop_is_pending()) break;
   if (network->there()) return nullptr;
   log_line(LogLevel::warning, network->sentence());
   return network;

@@ -5,8 +5,9 @@
 #include <sys/socket.h>
 
 #include <cerrno>
-#include <cstdlib>
 #include <stdexcept>
+
+#include "daemon/config/load.hpp"
 
 namespace booth::daemon {
 
@@ -30,10 +31,6 @@ std::string ControlClient::ask(const std::string& line, std::chrono::millisecond
   }
 }
 
-std::filesystem::path control_socket_path(const std::string& given) {
-  if (!given.empty()) return given;
-  const char* run = std::getenv("RUNTIME_DIRECTORY");
-  return run && *run ? std::filesystem::path(run) / "control.sock" : std::filesystem::path("/run/boothd/control.sock");
-}
+std::filesystem::path control_socket_path(const std::string& given) { return given.empty() ? load_what_is_right({}).control.socket : given; }
 
 }  // namespace booth::daemon

@@ -22,7 +22,7 @@ class ControlClient {
   std::string pending_;
 };
 
-/// --socket, else $RUNTIME_DIRECTORY/control.sock, else /run/boothd/control.sock.
+/// --socket, else control.socket of this machine's configuration; its default where that cannot be read.
 std::filesystem::path control_socket_path(const std::string& given);
 
 }  // namespace booth::daemon

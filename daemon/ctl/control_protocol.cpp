@@ -86,6 +86,7 @@ Json calibration_json(const CalibrationStatus& c) {
 Json make_status(const DaemonStatus& s) {
   Json j;
   j["ok"] = true;
+  j["software"] = s.software;
   j["state"] = to_string(s.state);
   j["degraded"] = s.degraded;
   j["paused"] = s.paused;

@@ -24,6 +24,9 @@ HealthVerdict HealthGate::look(const StatusJson& status) {
     forget();
     return {false, "boothd answers, but not with its status"};
   }
+  if (const std::string runs = text_in(status, "software"); !demand_.software.empty() && runs != demand_.software)
+    return {false, fmt::format("{} answers where {} is installed; systemctl restart boothd", runs.empty() ? "a boothd that does not say its version" : runs,
+                               demand_.software)};
   count(status);
   // The alarm covers sessions that cannot be saved, buttons and light, and credentials. The emergency stop is no fault: a person pressed it.
   if (const std::string alarm = text_in(status, "alarm"); !alarm.empty()) return {false, "boothd raises an alarm: " + alarm};

@@ -13,6 +13,7 @@ namespace booth::daemon {
 struct HealthDemand {
   std::uint64_t frames = 0;   ///< whole frames that each camera has to deliver while it is watched; a booth without cameras owes none
   bool every_camera = false;  ///< no camera may be missing; otherwise cameras.minimum of them are enough
+  std::string software{};     ///< what has to answer, as `software` of the status: an update says nothing while the old process runs; empty: any
 };
 
 struct HealthVerdict {

@@ -61,7 +61,7 @@ void print(const Options& options, const HealthGate& gate, const HealthVerdict& 
 void run(const Options& options) {
   const std::uint64_t frames = options.frames.value_or(options.gate ? 30 : 0);
   const double wait = options.wait.value_or(options.gate || frames > 0 ? 60 : 0);
-  HealthGate gate({frames, options.every_camera});
+  HealthGate gate({frames, options.every_camera, options.gate ? "boothd " BOOTHD_VERSION : ""});
   Visit visit(control_socket_path(options.socket), gate);
   const auto began = Clock::now();
   const auto deadline = began + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(wait));
@@ -83,8 +83,8 @@ void run(const Options& options) {
 void add_health_verb(CLI::App& app) {
   auto options = std::make_shared<Options>();
   CLI::App* verb = app.add_subcommand("health", "Exit status 0 only when boothd is ready, raises no alarm and enough cameras deliver");
-  verb->add_option("--socket", options->socket, "Control socket of boothd");
-  verb->add_flag("--gate", options->gate, "After an update: as --frames 30 --wait 60");
+  verb->add_option("--socket", options->socket, "Control socket of boothd; without it the configuration's");
+  verb->add_flag("--gate", options->gate, "After an update: as --frames 30 --wait 60, and the boothd that answers is of this program's version");
   verb->add_option("--frames", options->frames, "Frames that every camera in service has to deliver from now on; 0: only look")
       ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{1'000'000}));
   verb->add_option("--wait", options->wait, "Most seconds in which all of that has to become true")->check(CLI::Range(0.0, 86400.0));

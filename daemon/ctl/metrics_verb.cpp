@@ -40,7 +40,7 @@ void add_metrics_verb(CLI::App& app) {
   auto options = std::make_shared<Options>();
   CLI::App* verb =
       app.add_subcommand("metrics", "The status as numbers in Prometheus' text format; `boothd_up 0`, and exit status 0, where boothd does not answer");
-  verb->add_option("--socket", options->socket, "Control socket of boothd");
+  verb->add_option("--socket", options->socket, "Control socket of boothd; without it the configuration's");
   verb->add_option("--out", options->out, "File to replace in one step, such as /var/lib/prometheus/node-exporter/boothd.prom; without it stdout");
   verb->callback([options] { run(*options); });
 }

@@ -41,7 +41,7 @@ void add_press_verb(CLI::App& app) {
   verb->add_option("--seconds", options->seconds, "How long")->check(CLI::Range(0.0, 3600.0))->capture_default_str();
   CLI::Option* hold = verb->add_flag("--hold", options->hold, "Press and do not let go");
   verb->add_flag("--let-go", options->let_go, "Let go of what is held")->excludes(hold);
-  verb->add_option("--socket", options->socket, "Control socket of boothd");
+  verb->add_option("--socket", options->socket, "Control socket of boothd; without it the configuration's");
   verb->callback([options] { run(*options); });
 }
 

@@ -1,10 +1,12 @@
 // boothctl report: one file for whoever helps from afar, with nothing of the people who stood in the booth.
 #include <fmt/format.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cstdio>
 #include <ctime>
 #include <iostream>
@@ -28,24 +30,27 @@ struct Options {
 };
 
 constexpr std::size_t kMostOutput = 8u << 20;  // bytes of one program's output
+constexpr std::chrono::seconds kPatience{60};  // with one program
 constexpr const char* kLeftOut = "(left out)";
-
-/// What a program says, stderr included; only for commands that are written here.
-std::string output_of(const std::string& command) {
-  std::FILE* pipe = ::popen((command + " 2>&1").c_str(), "r");
-  if (pipe == nullptr) return "could not be started\n";
-  std::string out;
-  std::array<char, 4096> part;
-  for (std::size_t n; (n = std::fread(part.data(), 1, part.size(), pipe)) > 0;)
-    if (out.size() < kMostOutput) out.append(part.data(), n);
-  ::pclose(pipe);
-  return without_session_names(out);
-}
 
 std::string in_quotes(const std::string& text) {
   std::string out = "'";
   for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
   return out + "'";
+}
+
+/// What a program says, stderr included; only for commands that are written here. On the machines that a bundle is asked of something may hang: a disk, a bus,
+/// systemd itself.
+std::string output_of(const std::string& command) {
+  std::FILE* pipe = ::popen(fmt::format("timeout --kill-after=5 {} sh -c {} 2>&1", kPatience.count(), in_quotes(command)).c_str(), "r");
+  if (pipe == nullptr) return "could not be started\n";
+  std::string out;
+  std::array<char, 4096> part;
+  for (std::size_t n; (n = std::fread(part.data(), 1, part.size(), pipe)) > 0;)
+    if (out.size() < kMostOutput) out.append(part.data(), n);
+  const int status = ::pclose(pipe);
+  if (WIFEXITED(status) && (WEXITSTATUS(status) == 124 || WEXITSTATUS(status) == 137)) out += fmt::format("\n(did not end within {} s)\n", kPatience.count());
+  return without_session_names(out);
 }
 
 /// This very program, with the options that say which configuration is meant.

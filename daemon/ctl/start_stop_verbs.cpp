@@ -87,7 +87,7 @@ void run(const Options& options, const char* request) {
 void add(CLI::App& app, const char* name, const char* help, const char* wait_help) {
   auto options = std::make_shared<Options>();
   CLI::App* verb = app.add_subcommand(name, help);
-  verb->add_option("--socket", options->socket, "Control socket of boothd");
+  verb->add_option("--socket", options->socket, "Control socket of boothd; without it the configuration's");
   verb->add_flag("--wait", options->wait, wait_help);
   verb->add_option("--limit", options->limit, "Most seconds to wait")->check(CLI::Range(0.1, 86400.0))->capture_default_str();
   verb->add_flag("--json", options->json, "Print the status afterwards as JSON");

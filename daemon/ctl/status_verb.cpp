@@ -107,7 +107,7 @@ void run(const Options& options) {
 void add_status_verb(CLI::App& app) {
   auto options = std::make_shared<Options>();
   CLI::App* verb = app.add_subcommand("status", "What boothd is doing: state, cameras, fit, session");
-  verb->add_option("--socket", options->socket, "Control socket of boothd");
+  verb->add_option("--socket", options->socket, "Control socket of boothd; without it the configuration's");
   verb->add_flag("--json", options->json, "One JSON object a line");
   verb->add_flag("--watch", options->watch, "Again every second, until interrupted");
   verb->callback([options] { run(*options); });

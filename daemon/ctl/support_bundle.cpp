@@ -1,6 +1,7 @@
 // Lists of what is let through, never of what is held back: a key that is new tomorrow stays at home.
 #include "daemon/ctl/support_bundle.hpp"
 
+#include <arpa/inet.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,7 +13,8 @@
 namespace booth::daemon {
 namespace {
 
-constexpr const char* kStatusKeys[] = {"state",
+constexpr const char* kStatusKeys[] = {"software",
+                                       "state",
                                        "degraded",
                                        "paused",
                                        "emergency_latched",
@@ -63,6 +65,18 @@ std::size_t address_length(std::string_view text) {
   }
   const bool goes_on = n < text.size() && (in_word(text[n]) || (text[n] == '.' && n + 1 < text.size() && in_word(text[n + 1])));
   return goes_on ? 0 : n;
+}
+
+/// Length of an IPv6 address at the beginning, or 0. Times (10:15:00) and hardware addresses (six pairs) are none.
+std::size_t long_address_length(std::string_view text) {
+  const std::size_t n = std::min(text.size(), text.find_first_not_of("0123456789abcdefABCDEF:."));
+  std::string token(text.substr(0, n));
+  while (!token.empty() && (token.back() == '.' || (token.back() == ':' && !token.ends_with("::")))) token.pop_back();  // of the sentence
+  in6_addr address{};
+  const bool is_one = std::count(token.begin(), token.end(), ':') > 1 &&
+                      std::any_of(token.begin(), token.end(), [](unsigned char c) { return std::isxdigit(c) != 0; }) &&
+                      ::inet_pton(AF_INET6, token.c_str(), &address) == 1;
+  return is_one && (n == text.size() || !in_word(text[n])) ? token.size() : 0;
 }
 
 void put(std::string& header, std::size_t at, std::string_view text) { header.replace(at, text.size(), text); }
@@ -121,7 +135,9 @@ std::string without_addresses(const std::string& text) {
   std::string out;
   for (std::size_t i = 0; i < text.size();) {
     const bool begins = i == 0 || !(in_word(text[i - 1]) || text[i - 1] == '.');
-    if (const std::size_t n = begins ? address_length(std::string_view(text).substr(i)) : 0; n > 0) {
+    const bool begins_long = begins && (i == 0 || text[i - 1] != ':');
+    const std::string_view rest = std::string_view(text).substr(i);
+    if (const std::size_t n = std::max(begins ? address_length(rest) : 0, begins_long ? long_address_length(rest) : 0); n > 0) {
       out += "(address left out)";
       i += n;
     } else {

@@ -85,7 +85,7 @@ void add_watch_verb(CLI::App& app) {
   verb->add_option("booth", options->booth, "A booth on the network, or '*' for all of them; without it the boothd of this machine");
   add_network_options(*verb, options->network);
   verb->add_flag("--json", options->json, "With a booth: one JSON object for each skeleton");
-  verb->add_option("--socket", options->socket, "Control socket of boothd");
+  verb->add_option("--socket", options->socket, "Control socket of boothd; without it the configuration's");
   verb->add_option("--seconds", options->seconds, "End after so many seconds; 0: when interrupted")->check(CLI::Range(0.0, 86400.0));
   verb->callback([options] { run(*options); });
 }

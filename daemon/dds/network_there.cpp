@@ -46,7 +46,9 @@ bool NetworkThere::there() const {
     ifreq flags = entries[i];
     const std::string name(entries[i].ifr_name, ::strnlen(entries[i].ifr_name, IFNAMSIZ));
     if (::ioctl(socket_, SIOCGIFFLAGS, &flags) != 0 || (flags.ifr_flags & IFF_UP) == 0) continue;
-    const bool wanted = interface_.empty() ? (flags.ifr_flags & IFF_LOOPBACK) == 0 : interface_ == name || interface_ == address_of(entries[i]);
+    // Any that carries something: an interface without a cable may be up and have an address, too.
+    const bool wanted =
+        interface_.empty() ? (flags.ifr_flags & (IFF_LOOPBACK | IFF_RUNNING)) == IFF_RUNNING : interface_ == name || interface_ == address_of(entries[i]);
     if (wanted) return true;
   }
   return false;

@@ -8,7 +8,8 @@ namespace booth::daemon {
 /// Holds a socket from its construction on, so that it can still be asked when boothd may make no more. Not thread-safe.
 class NetworkThere {
  public:
-  /// `interface` as in dds.interface: a name, an IPv4 address, or empty: any but loopback. Throws std::runtime_error where no socket can be made.
+  /// `interface` as in dds.interface: a name, an IPv4 address, or empty: any but loopback that has a carrier. Throws std::runtime_error where no socket can be
+  /// made.
   explicit NetworkThere(std::string interface);
   ~NetworkThere();
   NetworkThere(const NetworkThere&) = delete;

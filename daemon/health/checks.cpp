@@ -2,13 +2,18 @@
 #include "daemon/health/checks.hpp"
 
 #include <fmt/format.h>
+#include <grp.h>
 #include <ifaddrs.h>
 #include <net/if.h>
 #include <netdb.h>
+#include <pwd.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <sys/timex.h>
 
+#include <algorithm>
+#include <cerrno>
 #include <set>
 
 namespace booth::daemon {
@@ -53,6 +58,39 @@ Check judge_disk(const Config& config, const struct statvfs& s) {
   return result(CheckResult::ok, seen, "");
 }
 
+Check judge_folder(const std::string& folder, const struct stat& there, const Account& boothd) {
+  const bool own = there.st_uid == boothd.user, member = std::count(boothd.groups.begin(), boothd.groups.end(), there.st_gid) > 0;
+  const mode_t asked = (own ? S_IWUSR | S_IXUSR : member ? S_IWGRP | S_IXGRP : S_IWOTH | S_IXOTH);
+  if (!S_ISDIR(there.st_mode))
+    return {"disk", "session folder", CheckResult::error, folder + " is no folder",
+            "move it away, or see session.directory: sessions that cannot be written are lost"};
+  if (boothd.user != 0 && (there.st_mode & asked) != asked)
+    return {"disk", "session folder", CheckResult::error, fmt::format("user {} may not write into {}", boothd.name, folder),
+            fmt::format("chown {} {}: sessions that cannot be written are lost", boothd.name, folder)};
+  return {"disk", "session folder", CheckResult::ok, fmt::format("{} belongs to who writes there", folder)};
+}
+
+/// Whoever runs boothd from the package; on a machine without that user nothing is said of it.
+std::optional<Account> boothd_account() {
+  const passwd* user = ::getpwnam("boothd");
+  if (user == nullptr) return std::nullopt;
+  Account out{"boothd", user->pw_uid, std::vector<gid_t>(64)};
+  int count = static_cast<int>(out.groups.size());
+  if (::getgrouplist("boothd", user->pw_gid, out.groups.data(), &count) < 0) count = static_cast<int>(out.groups.size());
+  out.groups.resize(static_cast<std::size_t>(count));
+  return out;
+}
+
+Check check_session_folder(const Config& config) {
+  const std::string& folder = config.session.directory;
+  const auto account = boothd_account();
+  struct stat there {};
+  if (!account) return {"disk", "session folder", CheckResult::skipped, "there is no user boothd: the package is not installed here"};
+  if (::stat(folder.c_str(), &there) == 0) return judge_folder(folder, there, *account);
+  if (errno == ENOENT) return {"disk", "session folder", CheckResult::ok, folder + " is not there yet: boothd makes it"};
+  return {"disk", "session folder", CheckResult::skipped, folder + " cannot be seen by this user; run doctor as root"};
+}
+
 Checks check_disk(const DoctorInputs& in) {
   std::filesystem::path folder = in.config.session.directory;
   std::error_code error;
@@ -61,7 +99,7 @@ Checks check_disk(const DoctorInputs& in) {
   if (::statvfs(folder.empty() ? "." : folder.c_str(), &s) != 0)
     return {{"disk", "sessions", CheckResult::warning, fmt::format("{} cannot be examined", in.config.session.directory),
              "does session.directory exist, may this user see it?"}};
-  return {judge_disk(in.config, s)};
+  return {judge_disk(in.config, s), check_session_folder(in.config)};
 }
 
 Check judge_network(const std::string& wanted, const std::vector<NetworkAddress>& there) {

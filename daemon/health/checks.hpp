@@ -1,6 +1,8 @@
 // What `boothctl doctor` looks at: small checks in groups, each with what was seen and what to do about it.
 #pragma once
 
+#include <sys/types.h>
+
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -10,6 +12,7 @@
 #include "hal/gpio_chips.hpp"
 #include "hal/usb_topology.hpp"
 
+struct stat;
 struct statvfs;
 
 namespace booth::daemon {
@@ -48,8 +51,15 @@ Checks check_security(const DoctorInputs& in);
 Checks check_ros2(const DoctorInputs& in);
 Checks check_gpio(const DoctorInputs& in);
 
-/// What check_disk() and check_dds() think of what the kernel said.
+// What check_disk() and check_dds() think of what the kernel said.
 Check judge_disk(const Config& config, const struct statvfs& disk);
+struct Account {
+  std::string name;
+  uid_t user = 0;
+  std::vector<gid_t> groups;  ///< its own one among them
+};
+/// Whether boothd may write into the folder, by owner and mode.
+Check judge_folder(const std::string& folder, const struct stat& there, const Account& boothd);
 struct NetworkAddress {
   std::string interface, address;  ///< without an IPv4 address: empty
   bool up = false, loopback = false;

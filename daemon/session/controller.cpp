@@ -370,6 +370,7 @@ void Controller::say_event(const std::string& kind, const std::string& source, c
 
 DaemonStatus Controller::status() const {
   DaemonStatus out;
+  out.software = settings_.info.software;
   out.state = state();
   out.minimum_cameras = settings_.minimum_cameras;
   if (pipeline_) {

@@ -65,6 +65,7 @@ struct PanelStatus {
 
 /// Everything that status shows, taken at one moment.
 struct DaemonStatus {
+  std::string software;  ///< "boothd VERSION" of the process that runs, which need not be the version that is installed
   SessionState state{};
   bool degraded = false, paused = false, latched = false, body_known = false;
   int countdown_seconds = 0;  ///< until the session begins; 0: no countdown runs

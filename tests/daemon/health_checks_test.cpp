@@ -181,6 +181,24 @@ TEST_F(DoctorTest, OfADiskThatTakesNothingWhateverRoomItHas) {
   EXPECT_EQ(judge_disk(in.config, disk).result, CheckResult::error);
 }
 
+TEST_F(DoctorTest, OfAFolderThatBelongsToSomebodyElse) {
+  const Account boothd{"boothd", 990, {990, 44}};
+  struct stat folder {};
+  const auto judged = [&](uid_t user, gid_t group, mode_t mode) {
+    folder.st_uid = user;
+    folder.st_gid = group;
+    folder.st_mode = mode;
+    return judge_folder("/sessions", folder, boothd).result;
+  };
+  EXPECT_EQ(judged(990, 990, S_IFDIR | 0750), CheckResult::ok);
+  EXPECT_EQ(judged(0, 0, S_IFDIR | 0755), CheckResult::error);
+  EXPECT_EQ(judge_folder("/sessions", folder, boothd).seen, "user boothd may not write into /sessions");
+  EXPECT_EQ(judged(0, 44, S_IFDIR | 0770), CheckResult::ok);
+  EXPECT_EQ(judged(990, 44, S_IFDIR | 0570), CheckResult::error) << "the owner's rights count for the owner";
+  EXPECT_EQ(judged(0, 0, S_IFDIR | 0777), CheckResult::ok);
+  EXPECT_EQ(judged(990, 990, S_IFREG | 0770), CheckResult::error);
+}
+
 TEST_F(DoctorTest, ReadsWhatBoothdCannotStartWithout) {
   const tests::TemporaryFolder folder;
   EXPECT_EQ(worst(check_files(in), "key"), "skipped");

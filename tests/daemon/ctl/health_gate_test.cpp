@@ -50,6 +50,18 @@ TEST(HealthGate, AnAlarmIsUnhealthy) {
   EXPECT_THAT(verdict.sentence, HasSubstr("the disk is full"));
 }
 
+TEST(HealthGate, AnUpdateIsJudgedByTheNewProcess) {
+  HealthGate gate({.frames = 0, .every_camera = false, .software = "boothd 2.0.0"});
+  StatusJson status = booth({{"running", 5}, {"running", 5}});
+  EXPECT_THAT(gate.look(status).sentence, HasSubstr("does not say its version"));
+  status["software"] = "boothd 1.9.0";
+  EXPECT_FALSE(gate.look(status).healthy);
+  EXPECT_EQ(gate.look(status).sentence, "boothd 1.9.0 answers where boothd 2.0.0 is installed; systemctl restart boothd");
+  status["software"] = "boothd 2.0.0";
+  EXPECT_TRUE(gate.look(status).healthy);
+  EXPECT_TRUE(HealthGate({}).look(booth({{"running", 5}, {"running", 5}})).healthy) << "nobody asked for a version";
+}
+
 TEST(HealthGate, ABoothWithoutCamerasOwesNoFrames) { EXPECT_TRUE(HealthGate({.frames = 10}).look(booth({})).healthy); }
 
 TEST(HealthGate, WhatIsNoStatusIsUnhealthy) {

@@ -33,6 +33,10 @@ TEST(SupportBundle, AddressesAreLeftOut) {
   EXPECT_EQ(without_addresses("DDS: udp/192.0.2.7:7410 unreachable, 10.1.2.3."), "DDS: udp/(address left out):7410 unreachable, (address left out).");
   for (const char* text : {"", "1.2.3", "6.1.0-28-amd64", "1.2.3.4.5", "port 2-1.4.3.2", "256.1.1.1", "1.2.3.4x", "1..2.3", "1.2.3."})
     EXPECT_EQ(without_addresses(text), text);
+  EXPECT_EQ(without_addresses("from 2001:db8::7 to [fe80::1%eth0]:7410, ::ffff:192.0.2.7: refused."),
+            "from (address left out) to [(address left out)%eth0]:7410, (address left out): refused.");
+  for (const char* text : {"2026-11-28T10:15:00Z 10:15:00", "aa:bb:cc:dd:ee:ff", "::", "a:b", "booth::daemon", "usb 2-1.4: new", "0000:00:14.0"})
+    EXPECT_EQ(without_addresses(text), text);
 }
 
 TEST(SupportBundle, OfTheStatusOnlyTheListedKeys) {
