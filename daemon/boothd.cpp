@@ -1,6 +1,8 @@
 // The daemon's main thread: puts the rooms together, waits for signals, feeds the watchdog, takes everything down in order.
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <signal.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -146,10 +148,16 @@ ControllerSettings controller_settings(const Config& config, const DepthSource& 
 
 Housekeeper::Settings housekeeping(const Config& config, hal::FlightRecorder& recorder, hal::Clock& clock) {
   Housekeeper::Settings out;
-  out.prune = [&config, &clock] {
+  out.prune = [&config, &clock, &recorder] {
     const std::int64_t now = clock.utc_now().time_since_epoch().count();
     auto said = prune_sessions(config.session.directory, config.session.quota_bytes, config.session.max_age_days, now);
-    for (auto& line : prune_recordings(config.record.directory, config.record.quota_bytes, config.record.max_age_days, now)) said.push_back(std::move(line));
+    const auto in_work = [&recorder](const std::string& name) {
+      const hal::RecorderStatus status = recorder.status(false);
+      const auto writes = [&](const auto& one) { return one.running && std::filesystem::path(one.path).filename() == name; };
+      return writes(status.recording) || writes(status.snapshot);
+    };
+    for (auto& line : prune_recordings(config.record.directory, config.record.quota_bytes, config.record.max_age_days, now, in_work))
+      said.push_back(std::move(line));
     return said;
   };
   if (config.record.on_fault)
@@ -171,6 +179,18 @@ Pipeline::Settings pipeline_settings(const Config& config) {
 bool is_supervised() {
   const char* socket = std::getenv("NOTIFY_SOCKET");
   return socket != nullptr && *socket != '\0';
+}
+
+/// Held for as long as boothd lives: a second one, with a socket of its own, would close the first one's session as if that were dead. Where the folder cannot
+/// be made or locked nothing is held: what cannot be written there is told later, by name.
+UniqueFd only_one_with(const std::filesystem::path& sessions) {
+  std::error_code ignored;
+  std::filesystem::create_directories(sessions, ignored);
+  UniqueFd folder(::open(sessions.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (folder.get() >= 0 && ::flock(folder.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+    throw StartFailure(kUnavailable,
+                       fmt::format("{}: another boothd writes its sessions there; stop that one, or choose another session.directory", sessions.string()));
+  return folder;
 }
 
 /// Buttons and light, where there are any. Taken down before the session: whoever presses now is not heard any more.
@@ -290,6 +310,7 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     listener = stage(kUnavailable, [&] { return listen_unix(config.control.socket); });
     socket_file.emplace(config.control.socket);
   }
+  const UniqueFd sessions = check_only ? UniqueFd() : only_one_with(config.session.directory);
   stage(kConfiguration, [&] { check_panel(config); });
   const std::optional<Credentials> credentials = open_credentials(config, check_only);
   const auto seal_to = stage(kConfiguration, [&] { return recipient(config); });

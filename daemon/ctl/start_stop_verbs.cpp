@@ -81,7 +81,11 @@ void run(const Options& options, const char* request) {
     if (!starting && options.wait) std::cout << summary(status);
     std::cout << status.value("state", "?") << (status.value("session_folder", "").empty() ? "" : "  " + status.value("session_folder", "")) << "\n";
   }
-  if (const std::string alarm = status.value("alarm", ""); !alarm.empty()) std::cerr << "warning: " << alarm << "\n";
+  const std::string alarm = status.value("alarm", ""), session = status.value("session", "");
+  std::cout.flush();
+  if (!starting && options.wait && !session.empty() && status.value("last_session", Json::object()).value("id", "") != session)
+    throw VerbFailure(fmt::format("session {} is not saved{}{}", session, alarm.empty() ? "" : ": ", alarm));
+  if (!alarm.empty()) std::cerr << "warning: " << alarm << "\n";
 }
 
 void add(CLI::App& app, const char* name, const char* help, const char* wait_help) {

@@ -46,7 +46,11 @@ void Housekeeper::run() {
     }
     if (now < next_look) continue;
     next_look = now + settings_.interval;
-    for (const auto& line : settings_.prune()) settings_.log(line);
+    try {
+      for (const auto& line : settings_.prune()) settings_.log(line);
+    } catch (const std::exception& e) {  // nobody waits for this thread, and nobody is to end because of it
+      settings_.log(std::string("what is too old or too much could not be looked for: ") + e.what());
+    }
   }
 }
 

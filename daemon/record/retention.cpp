@@ -11,9 +11,11 @@
 #include <cerrno>
 #include <cstring>
 #include <ctime>
+#include <fstream>
 #include <mutex>
 #include <tuple>
 
+#include "daemon/io/atomic_file.hpp"
 #include "daemon/record/clock_belief.hpp"
 #include "daemon/seal/seal.hpp"
 
@@ -30,7 +32,7 @@ std::tm utc_calendar(std::int64_t utc_ns) {
 }
 
 bool dated(const std::string& name) {
-  if (name.size() < 17 || name[8] != 'T' || name[15] != 'Z' || name[16] != '-' || name.find(".partial-") != std::string::npos) return false;
+  if (name.size() < 17 || name[8] != 'T' || name[15] != 'Z' || name[16] != '-') return false;
   for (std::size_t i = 0; i < 15; ++i)
     if (i != 8 && (name[i] < '0' || name[i] > '9')) return false;
   return true;
@@ -44,6 +46,26 @@ std::uintmax_t folder_bytes(const fs::path& folder) {
     if (it->is_regular_file(ignored) && !it->is_symlink(ignored)) sum += it->file_size(ignored);
   }
   return sum;
+}
+
+constexpr const char* kAheadName = ".ahead";
+
+std::string stamp(std::int64_t utc_ns) { return fmt::format("{:%Y%m%dT%H%M%SZ}", utc_calendar(std::max<std::int64_t>(0, utc_ns))); }
+
+/// The date from which a folder's age counts: that of its name, unless that has yet to come. A clock that was ahead must not keep people's measurements for
+/// years, nor one that was set back delete today's: then it counts from when it was first seen so, which a file in the folder remembers.
+std::string age_from(const fs::path& folder, std::int64_t now_utc_ns) {
+  const std::string named = folder.filename().string().substr(0, 16), tomorrow = stamp(now_utc_ns + 86'400'000'000'000);
+  if (named <= tomorrow) return named;
+  std::string since;
+  std::ifstream(folder / kAheadName) >> since;
+  if (since.size() == 16 && dated(since + "-") && since <= tomorrow) return since;
+  since = stamp(now_utc_ns);
+  try {
+    write_file_atomically(folder / kAheadName, since + "\n", 0600);
+  } catch (const std::exception&) {  // a full disk; the next look will do
+  }
+  return since;
 }
 
 /// False with errno when it could not be done.
@@ -101,26 +123,30 @@ std::vector<std::string> prune_folders(const fs::path& directory, const Retentio
     std::error_code ignored;
     if (it->is_directory(ignored) && !it->is_symlink(ignored) && dated(it->path().filename().string())) folders.push_back(it->path());
   }
-  std::sort(folders.begin(), folders.end());
-  std::vector<std::uintmax_t> bytes;
+  struct Aged {
+    std::string since;
+    fs::path folder;
+    std::uintmax_t bytes;
+    bool operator<(const Aged& other) const { return std::tie(since, folder) < std::tie(other.since, other.folder); }
+  };
+  std::vector<Aged> aged;
   std::uintmax_t total = 0;
-  for (const auto& folder : folders) total += bytes.emplace_back(folder_bytes(folder));
+  for (const auto& folder : folders) total += aged.emplace_back(Aged{age_from(folder, now_utc_ns), folder, folder_bytes(folder)}).bytes;
+  std::sort(aged.begin(), aged.end());
   const bool by_age = rule.max_age_days > 0 && clock_believed(directory, now_utc_ns);
-  const std::string oldest_kept =
-      rule.max_age_days > 0 ? fmt::format("{:%Y%m%dT%H%M%SZ}", utc_calendar(std::max<std::int64_t>(0, now_utc_ns - rule.max_age_days * 86'400'000'000'000)))
-                            : std::string();
+  const std::string oldest_kept = rule.max_age_days > 0 ? stamp(now_utc_ns - rule.max_age_days * 86'400'000'000'000) : std::string();
   int doubtful = 0;
-  for (std::size_t i = 0; i < folders.size(); ++i) {
-    const std::string id = folders[i].filename().string();
-    const bool old = !oldest_kept.empty() && id.substr(0, 16) < oldest_kept;
+  for (const auto& [since, folder, bytes] : aged) {
+    const std::string id = folder.filename().string();
+    const bool old = !oldest_kept.empty() && since < oldest_kept;
     if (old && !by_age) ++doubtful;
     const bool over = rule.quota_bytes > 0 && total > static_cast<std::uintmax_t>(rule.quota_bytes);
     if (!(old && by_age) && !over) continue;
-    if (!rule.deletable(folders[i])) continue;
-    if (const std::string problem = erase_folder(folders[i]); !problem.empty()) {
+    if (!rule.deletable(folder)) continue;
+    if (const std::string problem = erase_folder(folder); !problem.empty()) {
       said.push_back(fmt::format("{} {} should be deleted, but cannot be: {}", rule.what, id, problem));
     } else {
-      total -= bytes[i];
+      total -= bytes;
       said.push_back(fmt::format("{} {} was deleted: {}", rule.what, id, old ? "older than " + rule.age_key : "more than " + rule.size_key));
     }
   }
@@ -130,13 +156,17 @@ std::vector<std::string> prune_folders(const fs::path& directory, const Retentio
   return said;
 }
 
-std::vector<std::string> prune_recordings(const fs::path& directory, std::int64_t quota_bytes, std::int64_t max_age_days, std::int64_t now_utc_ns) {
+std::vector<std::string> prune_recordings(const fs::path& directory, std::int64_t quota_bytes, std::int64_t max_age_days, std::int64_t now_utc_ns,
+                                          const std::function<bool(const std::string& name)>& in_work) {
   const RetentionRule rule{.what = "recording",
                            .age_key = "record.max_age_days",
                            .size_key = "record.quota_bytes",
                            .quota_bytes = quota_bytes,
                            .max_age_days = max_age_days,
-                           .deletable = [](const fs::path&) { return true; }};  // one in work has another name
+                           .deletable = [&](const fs::path& folder) {
+                             const std::string name = folder.filename().string();
+                             return !in_work(name.substr(0, name.rfind(".partial-")));
+                           }};
   return prune_folders(directory, rule, now_utc_ns);
 }
 

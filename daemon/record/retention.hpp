@@ -17,7 +17,7 @@ struct RetentionRule {
 };
 
 /// Folders of `directory` named YYYYMMDDTHHMMSSZ-... Returns one sentence for each that was deleted, or should have been. By age nothing is deleted while the
-/// clock is doubted (clock_belief.hpp).
+/// clock is doubted (clock_belief.hpp). One that is dated more than a day ahead ages from when it was first seen so.
 std::vector<std::string> prune_folders(const std::filesystem::path& directory, const RetentionRule& rule, std::int64_t now_utc_ns);
 
 /// Deletes a folder so that what was in it is harder to find again than after a plain deletion: each file is overwritten once, flushed and unlinked; the
@@ -25,7 +25,8 @@ std::vector<std::string> prune_folders(const std::filesystem::path& directory, c
 /// the old blocks may live on until they are reused (docs/guide/privacy.md). Returns what is wrong, empty when it is gone.
 std::string erase_folder(const std::filesystem::path& folder);
 
-/// The same for sessions and recordings, by the rules of the configuration.
-std::vector<std::string> prune_recordings(const std::filesystem::path& directory, std::int64_t quota_bytes, std::int64_t max_age_days, std::int64_t now_utc_ns);
+/// The same for recordings, also those that were never finished. `in_work` says of a final name whether it is being written.
+std::vector<std::string> prune_recordings(const std::filesystem::path& directory, std::int64_t quota_bytes, std::int64_t max_age_days, std::int64_t now_utc_ns,
+                                          const std::function<bool(const std::string& name)>& in_work);
 
 }  // namespace booth::daemon

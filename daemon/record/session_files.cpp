@@ -12,14 +12,18 @@
 #include <cstring>
 #include <ctime>
 #include <fstream>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 
 #include "daemon/io/atomic_file.hpp"
+#include "daemon/io/file_bytes.hpp"
 #include "daemon/record/retention.hpp"
 #include "daemon/record/session_export.hpp"
+#include "daemon/record/session_json.hpp"
 #include "daemon/record/session_log.hpp"
 #include "daemon/record/truth_error.hpp"
 #include "daemon/seal/sealed_file.hpp"
@@ -100,10 +104,40 @@ std::vector<fs::path> session_folders(const fs::path& directory) {
   return out;
 }
 
+/// An empty object where it is missing, cannot be read, or is none: all of that is as good as damaged.
 Json read_json(const fs::path& path) {
-  std::ifstream in(path);
-  Json j = Json::parse(in, nullptr, false);
-  return j.is_object() ? j : Json::object();
+  try {
+    Json j = parse_session_json(read_file_bytes(path, kMostSessionJson));
+    if (j.is_object()) return j;
+  } catch (const std::exception&) {
+  }
+  return Json::object();
+}
+
+/// Folders that this process has made and not finished: nobody else may clear them away, whatever the clock says meanwhile.
+class InWork {
+ public:
+  void begin(const fs::path& folder) {
+    const std::lock_guard lock(mutex_);
+    folders_.insert(fs::weakly_canonical(folder));
+  }
+  void end(const fs::path& folder) {
+    const std::lock_guard lock(mutex_);
+    folders_.erase(fs::weakly_canonical(folder));
+  }
+  bool holds(const fs::path& folder) {
+    const std::lock_guard lock(mutex_);
+    return folders_.contains(fs::weakly_canonical(folder));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::set<fs::path> folders_;
+};
+
+InWork& in_work() {
+  static InWork one;
+  return one;
 }
 
 std::string text_of(const Json& j, const char* key) { return j.contains(key) && j[key].is_string() ? j[key].get<std::string>() : ""; }
@@ -158,6 +192,15 @@ SessionInfo interrupted_info(const fs::path& folder, const Json& old) {
   return info;
 }
 
+/// Nothing that a person might still make something of is deleted before its time: retention takes it with the folder.
+void keep_damaged_log(const fs::path& folder, std::string& said) {
+  std::error_code error;
+  const fs::path log = folder / kFrameLogName;
+  if (!fs::exists(log, error) || fs::file_size(log, error) == 0 || error) return;
+  fs::rename(log, folder / kDamagedLogName, error);
+  if (!error) said += fmt::format("; it stays as {}", kDamagedLogName);
+}
+
 /// What can be said of a sealed session whose boothd is gone, and its key with it: how many records lie whole in its log.
 std::string close_sealed(const fs::path& folder, const SessionInfo& info, const std::string& recipient) {
   const std::uint64_t bytes = sealed_plain_bytes(folder / (std::string(kSealedFrameLogName) + kSealedEnding));
@@ -198,6 +241,7 @@ fs::path create_session_folder(const fs::path& directory, const SessionInfo& inf
       errno = error.value();
       fail(folder, "made");
     }
+    in_work().begin(folder);
   } catch (const std::exception&) {
     fs::remove_all(temporary, error);  // a disk that is full for weeks must not gather these until the next start
     throw;
@@ -237,7 +281,10 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
   out.residual_p95 = percentile(residuals, 0.95);
 
   if (!frames.empty()) export_csv({folder / "skeleton.csv", seal}, frames);
-  if (const fit::BodyModel* model = last_good ? models.of(last_good->sex) : nullptr) {
+  const fit::BodyModel* model = last_good ? models.of(last_good->sex) : nullptr;
+  // Made with another version's model, or rotted: the skeletons are good for themselves.
+  const bool other_model = model != nullptr && last_good->shape_count > static_cast<std::uint32_t>(model->shape_count());
+  if (model && !other_model) {
     export_bvh({folder / "skeleton.bvh", seal}, frames, *last_good, *model);
     export_glb({folder / "body.glb", seal}, frames, *last_good, *model);
     export_ply({folder / "body.ply", seal}, *last_good, *model, info.id, info.detail);
@@ -268,6 +315,7 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
   if (last_good) {
     j["sex"] = last_good->sex == RecordSex::men ? "men" : "women";
     j["beta"] = std::vector<double>(last_good->beta.begin(), last_good->beta.begin() + last_good->shape_count);
+    if (other_model) j["body_problem"] = fmt::format("its {} coefficients are not those of a model with {}", last_good->shape_count, model->shape_count());
     j["body_accepted"] = accepted;
     if (accepted) j["body_accepted_at_frame"] = accepted_at;
   }
@@ -305,6 +353,7 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
   }
   write_file_atomically(folder / "session.json", seal ? json_file(outline) : out.json, 0600);
   remove_log(folder);
+  in_work().end(folder);
   return out;
 }
 
@@ -342,8 +391,15 @@ std::vector<std::string> close_interrupted_sessions(const fs::path& directory, c
     } catch (const OtherLogVersion& e) {
       said.push_back(fmt::format("session {} was interrupted and is left as it is: {}", info.id, e.what()));
       continue;
+    } catch (const LogOutOfReach& e) {
+      said.push_back(fmt::format("session {} was interrupted and is left for the next start: {}", info.id, e.what()));
+      continue;
+    } catch (const std::bad_alloc&) {
+      said.push_back(fmt::format("session {} was interrupted and is left for the next start: there is no memory to read its log", info.id));
+      continue;
     } catch (const std::exception& e) {
-      log_problem = fmt::format("; its frames are lost: {}", e.what());
+      log_problem = fmt::format("; {}", e.what());
+      keep_damaged_log(folder, log_problem);
     }
     if (!frames.empty()) info.ended_utc_ns = frames.back().captured_utc_ns;
     try {
@@ -369,7 +425,7 @@ std::vector<std::string> prune_sessions(const fs::path& directory, std::int64_t 
                            .size_key = "session.quota_bytes",
                            .quota_bytes = quota_bytes,
                            .max_age_days = max_age_days,
-                           .deletable = [](const fs::path& folder) { return text_of(read_json(folder / "session.json"), "result") != "running"; }};
+                           .deletable = [](const fs::path& folder) { return !in_work().holds(folder); }};
   return prune_folders(directory, rule, now_utc_ns);
 }
 

@@ -11,8 +11,8 @@
 #include <cerrno>
 #include <cmath>
 #include <cstddef>
+#include <cstdio>
 #include <cstring>
-#include <fstream>
 #include <functional>
 #include <stdexcept>
 #include <utility>
@@ -81,12 +81,15 @@ void keep_what_fits(std::vector<FrameRecord>& records) {
 std::vector<FrameRecord> read_records(const std::filesystem::path& path, const Read& read, std::string* complaint) {
   Header header;
   const Header expected;
-  if (!read(&header, sizeof header) || std::memcmp(header.magic, expected.magic, sizeof header.magic) != 0)
-    throw std::runtime_error(fmt::format("{}: is no log of boothd", path.string()));
+  const auto is_none = [&] { return std::runtime_error(fmt::format("{}: is no log of boothd", path.string())); };
+  if (!read(&header, sizeof header)) throw is_none();
+  // One byte that rotted in the head must not cost what follows: where the records are ours the head was, too.
+  const bool damaged_head =
+      std::memcmp(header.magic, expected.magic, sizeof header.magic) != 0 || (header.version == kFrameLogVersion && header.record_bytes != sizeof(FrameRecord));
+  if (damaged_head) header = expected;
   if (hal::judge_file_version(header.version, kFrameLogVersion) == hal::FileVersion::unreadable)
     throw OtherLogVersion(fmt::format("{}: {}", path.string(), hal::file_version_complaint(header.version, kFrameLogVersion)));
-  if (header.record_bytes < kFirstRecord || header.record_bytes > kLargestRecord ||
-      (header.version == kFrameLogVersion && header.record_bytes != sizeof(FrameRecord)))
+  if (header.record_bytes < kFirstRecord || header.record_bytes > kLargestRecord)
     throw std::runtime_error(fmt::format("{}: its frames are of {} bytes, which no version writes", path.string(), header.record_bytes));
   std::vector<FrameRecord> out;
   std::vector<char> stored(header.record_bytes);
@@ -97,6 +100,8 @@ std::vector<FrameRecord> read_records(const std::filesystem::path& path, const R
     if (possible(record)) out.push_back(record);
   }
   keep_what_fits(out);
+  if (damaged_head && 2 * out.size() <= found) throw is_none();
+  if (complaint && damaged_head) *complaint = fmt::format("{}: its head is damaged", path.string());
   if (complaint && out.size() < found)
     *complaint = fmt::format("{}: {} of its {} frames are damaged and were left out", path.string(), found - out.size(), found);
   return out;
@@ -214,10 +219,19 @@ std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder, c
     return out;
   }
   const auto path = folder / kFrameLogName;
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw std::runtime_error(fmt::format("{}: there is no log of frames that could be read", path.string()));
-  return read_records(
-      path, [&](void* to, std::size_t count) { return static_cast<bool>(in.read(static_cast<char*>(to), static_cast<std::streamsize>(count))); }, complaint);
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> in(std::fopen(path.c_str(), "rbe"), &std::fclose);
+  if (!in && errno != ENOENT) throw LogOutOfReach(fmt::format("{}: cannot be opened: {}", path.string(), std::strerror(errno)));
+  if (!in) throw std::runtime_error(fmt::format("{}: there is no log of frames", path.string()));
+  int failed = 0;
+  const auto read = [&](void* to, std::size_t count) {
+    if (std::fread(to, 1, count, in.get()) == count) return true;
+    if (std::ferror(in.get()) != 0) failed = errno;
+    return false;
+  };
+  auto out = read_records(path, read, complaint);
+  // A disk with a bad sector: what came before it is good, and what comes after it is out of reach for good.
+  if (complaint && failed != 0) *complaint = fmt::format("{}: can be read no further than frame {}: {}", path.string(), out.size(), std::strerror(failed));
+  return out;
 }
 
 }  // namespace booth::daemon

@@ -15,8 +15,9 @@
 
 namespace booth::daemon {
 
-/// Name of the raw log inside a session folder that has not been finished.
+/// Name of the raw log inside a session folder that has not been finished, and of one of which nothing could be made.
 inline constexpr const char* kFrameLogName = ".frames.part";
+inline constexpr const char* kDamagedLogName = "frames.damaged";
 /// The same of a sealed session, without ".sealed". It stays where boothd could not finish the session, because only the key's holder can.
 inline constexpr const char* kSealedFrameLogName = "frames.log";
 
@@ -75,12 +76,17 @@ struct OtherLogVersion : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// A log that could not be opened now, for want of memory, descriptors or rights; it may be whole.
+struct LogOutOfReach : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
 /// How many records a log of so many plain bytes holds.
 std::uint64_t session_log_records(std::uint64_t bytes);
 
-/// Reads the raw log of `folder`; a record torn by a power cut is left out, and so is a damaged one. Throws std::runtime_error when there is none or when it
-/// is of neither this version nor a neighbour's (OtherLogVersion; hal/file_version.hpp). How many were damaged is put into `complaint`; with a seal the sealed
-/// log is read, and there what is wrong with its end, which an interruption explains.
+/// Reads the raw log of `folder`; a record torn by a power cut is left out, and so is a damaged one. Throws std::runtime_error when there is none
+/// that could be boothd's, LogOutOfReach, and OtherLogVersion when it is of neither this version nor a neighbour's (hal/file_version.hpp). How many were
+/// damaged is put into `complaint`; with a seal the sealed log is read, and there what is wrong with its end, which an interruption explains.
 std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder, const Seal* seal = nullptr, std::string* complaint = nullptr);
 
 }  // namespace booth::daemon

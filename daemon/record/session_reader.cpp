@@ -12,6 +12,7 @@
 #include "daemon/io/csv_file.hpp"
 #include "daemon/io/file_bytes.hpp"
 #include "daemon/record/session_info.hpp"
+#include "daemon/record/session_json.hpp"
 #include "daemon/record/session_log.hpp"
 #include "daemon/seal/sealed_file.hpp"
 #include "hal/file_version.hpp"
@@ -22,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr std::uint64_t kMostJson = 64 << 20, kMostCsv = std::uint64_t{2} << 30;
+constexpr std::uint64_t kMostCsv = std::uint64_t{2} << 30;
 
 /// Takes cells off the front of a line.
 class Cells {
@@ -129,7 +130,7 @@ SessionContents read_session(const fs::path& folder, const Seal* seal) {
   // A sealed session in work, or interrupted, has only its outline.
   const bool outline = seal && (log || !fs::exists(name_of("session.json"), ignored));
   const fs::path file = outline ? folder / "session.json" : name_of("session.json");
-  const Json j = Json::parse(outline ? read_file_bytes(file, kMostJson) : bytes_of("session.json", kMostJson), nullptr, false);
+  const Json j = parse_session_json(outline ? read_file_bytes(file, kMostSessionJson) : bytes_of("session.json", kMostSessionJson));
   if (!j.is_object() || !j.contains("result") || !j["result"].is_string())
     throw std::runtime_error(fmt::format("{}: is no session.json of boothd", file.string()));
   const Json format = j.value("format", Json(1));

@@ -87,7 +87,7 @@ TruthError truth_error(const std::vector<FrameRecord>& frames, const SessionMode
     const FrameRecord& frame = *seen[i];
     const fit::BodyModel* model = models.of(frame.sex);
     const auto points = truth.surface(hal::MonotonicTime(hal::Nanoseconds(frame.captured_ns)));
-    if (!model || points.empty()) continue;
+    if (!model || points.empty() || frame.shape_count > model->shape_count()) continue;
     actual.resize(3, static_cast<Eigen::Index>(points.size()));
     // Into the CMU frame, in which models are posed.
     for (std::size_t v = 0; v < points.size(); ++v) actual.col(static_cast<Eigen::Index>(v)) << points[v][1], points[v][2], points[v][0];

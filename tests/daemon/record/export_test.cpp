@@ -5,7 +5,10 @@
 #include <gtest/gtest.h>
 
 #include <assimp/Importer.hpp>
+#include <atomic>
+#include <mutex>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "daemon/record/housekeeper.hpp"
 #include "daemon/record/retention.hpp"
@@ -154,11 +157,36 @@ TEST_F(ExportTest, RecordingsAreKeptWithinTheirLimits) {
     folder.write(std::string(name) + "/bag_0.db3", std::string(10000, 'x'));
   folder.write("keep/file", "x");
   const std::int64_t day = 86'400'000'000'000, utc = 1'767'225'600'000'000'000;
-  EXPECT_EQ(prune_recordings(folder.path, 25000, 0, utc).size(), 1u);
-  EXPECT_EQ(prune_recordings(folder.path, 0, 2, utc + 4 * day + 1).size(), 1u);
+  const auto in_work = [](const std::string& name) { return name == "20260104T000000Z-0004-record"; };
+  EXPECT_EQ(prune_recordings(folder.path, 35000, 0, utc + 4 * day, in_work).size(), 1u);
+  EXPECT_EQ(prune_recordings(folder.path, 0, 2, utc + 4 * day + 1, in_work).size(), 1u);
   EXPECT_FALSE(fs::exists(folder.path / "20260102T000000Z-0002-snapshot"));
   EXPECT_TRUE(fs::exists(folder.path / "20260104T000000Z-0004-record.partial-abcdef")) << "one in work";
   EXPECT_TRUE(fs::exists(folder.path / "keep/file"));
+  // What could never be finished holds pictures of people, too.
+  EXPECT_EQ(prune_recordings(folder.path, 0, 2, utc + 10 * day, [](const std::string&) { return false; }).size(), 2u);
+  EXPECT_FALSE(fs::exists(folder.path / "20260104T000000Z-0004-record.partial-abcdef"));
+}
+
+TEST(HousekeeperTest, GoesOnAfterAnException) {
+  std::atomic<int> turns{0};
+  std::mutex mutex;
+  std::string said;
+  Housekeeper::Settings settings;
+  settings.interval = std::chrono::milliseconds(1);
+  settings.prune = [&]() -> std::vector<std::string> {
+    ++turns;
+    throw std::runtime_error("a sector is rotten");
+  };
+  settings.log = [&](const std::string& line) {
+    const std::lock_guard lock(mutex);
+    said += line;
+  };
+  Housekeeper housekeeper(std::move(settings));
+  for (int wait = 0; wait < 2000 && turns < 3; ++wait) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  EXPECT_GE(turns, 3);
+  const std::lock_guard lock(mutex);
+  EXPECT_THAT(said, HasSubstr("a sector is rotten"));
 }
 
 TEST(HousekeeperTest, PrunesAtOnceAndWritesOneSnapshotForManyFaults) {

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include <fstream>
 #include <functional>
 #include <limits>
 #include <mutex>
@@ -313,15 +314,111 @@ TEST(SessionFiles, RetentionDeletesTheOldestFirst) {
   make("20260104T000000Z-0004", "complete");
   folder.write("not-a-session/file", "keep");
   EXPECT_TRUE(prune_sessions(folder.path, 0, 0, kUtc).empty()) << "no limits";
-  const auto by_size = prune_sessions(folder.path, 31000, 0, kUtc);
+  const auto by_size = prune_sessions(folder.path, 31000, 0, kUtc + 4 * 86'400'000'000'000);
   ASSERT_EQ(by_size.size(), 1u);
   EXPECT_THAT(by_size[0], HasSubstr("20260101T000000Z-0001 was deleted"));
   const auto by_age = prune_sessions(folder.path, 0, 2, kUtc + 5 * 86'400'000'000'000);  // on 6 January: older than the 4th
-  ASSERT_EQ(by_age.size(), 1u);
-  EXPECT_THAT(by_age[0], HasSubstr("20260103T000000Z-0003"));
-  EXPECT_TRUE(std::filesystem::exists(folder.path / "20260102T000000Z-0002")) << "a running session stays";
+  ASSERT_EQ(by_age.size(), 2u);
+  EXPECT_THAT(by_age[1], HasSubstr("20260103T000000Z-0003"));
+  EXPECT_FALSE(std::filesystem::exists(folder.path / "20260102T000000Z-0002")) << "of a boothd that is dead: one that nobody could close grows old, too";
   EXPECT_TRUE(std::filesystem::exists(folder.path / "20260104T000000Z-0004"));
   EXPECT_TRUE(std::filesystem::exists(folder.path / "not-a-session/file"));
+}
+
+TEST(SessionFiles, OneInWorkStaysWhateverTheClockSays) {
+  TemporaryFolder folder;
+  const auto session = create_session_folder(folder.path, info_at(kUtc));
+  constexpr std::int64_t later = 35 * 86'400'000'000'000;
+  EXPECT_TRUE(prune_sessions(folder.path, 1, 30, kUtc + later).empty());
+  EXPECT_TRUE(std::filesystem::exists(session));
+  finish_session(session, info_at(kUtc), frames(3), models(), nullptr);
+  EXPECT_EQ(prune_sessions(folder.path, 0, 30, kUtc + later).size(), 1u);
+}
+
+TEST(SessionFiles, WhatIsDatedAheadAgesFromWhenItWasSeen) {
+  TemporaryFolder folder;
+  constexpr std::int64_t day = 86'400'000'000'000;
+  const auto make = [&](const std::string& name) { folder.write(name + "/session.json", json{{"result", "complete"}}.dump() + std::string(5000, ' ')); };
+  make("20360101T000000Z-0001");  // the clock was ten years ahead
+  make("20260101T120000Z-0002");
+  EXPECT_TRUE(prune_sessions(folder.path, 0, 30, kUtc + day).empty());
+  EXPECT_TRUE(prune_sessions(folder.path, 0, 30, kUtc + 29 * day).empty());
+  // By size the one that was first seen on the second of January goes after the one that was made on the first.
+  make("20260130T120000Z-0003");
+  EXPECT_THAT(prune_sessions(folder.path, 11000, 0, kUtc + 30 * day).at(0), HasSubstr("20260101T120000Z-0002"));
+  EXPECT_THAT(prune_sessions(folder.path, 0, 30, kUtc + 32 * day).at(0), HasSubstr("20360101T000000Z-0001 was deleted"));
+  for (const char* damaged : {"", "x", "20990101T000000Z", "2026-01-01T00:00:0Z"}) {
+    make("20360101T000000Z-0001");
+    folder.write("20360101T000000Z-0001/.ahead", damaged);
+    EXPECT_TRUE(prune_sessions(folder.path, 0, 30, kUtc + 33 * day).empty()) << damaged;
+    EXPECT_THAT(prune_sessions(folder.path, 0, 30, kUtc + 64 * day).at(0), HasSubstr("was deleted")) << damaged;
+  }
+}
+
+TEST(SessionFiles, ALogWhoseHeadIsRottenIsReadAllTheSame) {
+  for (const std::size_t at : {0u, 7u, 12u, 13u}) {  // of its magic, of the size of its records
+    TemporaryFolder folder;
+    const auto session = interrupted(folder.path, frames(30));
+    std::fstream log(session / kFrameLogName, std::ios::in | std::ios::out | std::ios::binary);
+    log.seekg(static_cast<std::streamoff>(at));
+    const int byte = log.get();
+    log.seekp(static_cast<std::streamoff>(at));
+    log.put(static_cast<char>(byte ^ 0x20));
+    log.close();
+    const auto said = close_interrupted_sessions(folder.path, models());
+    ASSERT_EQ(said.size(), 1u);
+    EXPECT_THAT(said[0], HasSubstr("30 frames of it were saved")) << at;
+    EXPECT_THAT(said[0], HasSubstr("its head is damaged")) << at;
+  }
+}
+
+TEST(SessionFiles, ALogOfWhichNothingCanBeMadeIsKept) {
+  TemporaryFolder folder;
+  const auto session = create_session_folder(folder.path, info_at(kUtc));
+  std::ofstream(session / kFrameLogName) << std::string(100'000, 'x');
+  const auto said = close_interrupted_sessions(folder.path, models());
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_THAT(said[0], HasSubstr("it stays as frames.damaged"));
+  EXPECT_EQ(std::filesystem::file_size(session / kDamagedLogName), 100'000u);
+  EXPECT_EQ(read_session(session).result, "interrupted");
+  EXPECT_TRUE(close_interrupted_sessions(folder.path, models()).empty()) << "once is enough";
+}
+
+TEST(SessionFiles, AFileThatCannotBeReadStopsNoStart) {
+  TemporaryFolder folder;
+  const auto session = interrupted(folder.path, frames(5));
+  std::filesystem::remove(session / "session.json");
+  std::filesystem::create_directory(session / "session.json");  // reading it fails as a rotten sector does
+  const auto said = close_interrupted_sessions(folder.path, models());
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_THAT(said[0], HasSubstr("cannot be closed"));
+  EXPECT_TRUE(std::filesystem::exists(session / kFrameLogName)) << "it may be read another time";
+}
+
+TEST(SessionFiles, ABodyOfAnotherModelCostsNoSkeleton) {
+  TemporaryFolder folder;
+  auto recorded = frames(5);
+  for (auto& f : recorded) {
+    f.shape_count = kRecordShape;
+    f.beta[kRecordShape - 1] = 3;
+  }
+  const auto session = interrupted(folder.path, recorded);
+  EXPECT_THAT(close_interrupted_sessions(folder.path, models()).at(0), HasSubstr("5 frames of it were saved"));
+  EXPECT_TRUE(std::filesystem::exists(session / "skeleton.csv"));
+  EXPECT_FALSE(std::filesystem::exists(session / "body.ply"));
+  std::ifstream in(session / "session.json");
+  EXPECT_THAT(json::parse(in).at("body_problem").get<std::string>(), HasSubstr("64 coefficients"));
+  const ShiftedTruth truth;
+  EXPECT_EQ(truth_error(recorded, models(), truth).surface_frames, 0u);
+}
+
+TEST(SessionFiles, DeepNestingOverflowsNoStack) {
+  TemporaryFolder folder;
+  const auto session = interrupted(folder.path, frames(5));
+  const std::string deep = R"({"result":"complete","format":)" + std::string(200'000, '[') + std::string(200'000, ']') + "}";
+  folder.write(session.filename().string() + "/session.json", deep);
+  EXPECT_TRUE(close_interrupted_sessions(folder.path, models()).empty()) << "it says that it is complete";
+  EXPECT_THROW(read_session(session), std::runtime_error);
 }
 
 TEST(SessionFiles, AClockThatLeaptDeletesNothingForADay) {

@@ -1,8 +1,12 @@
 // A session's folder whose files are what the input says: frames, or one sentence.
+#include <fmt/format.h>
+
+#include <fstream>
 #include <stdexcept>
 #include <string>
 
 #include "daemon/io/csv_file.hpp"
+#include "daemon/record/session_files.hpp"
 #include "daemon/record/session_log.hpp"
 #include "daemon/record/session_reader.hpp"
 #include "tests/fuzz/fuzz.hpp"
@@ -20,6 +24,11 @@ void read(const std::filesystem::path& folder) {
   } catch (const std::runtime_error& e) {
     require(e.what()[0] != '\0', "what is wrong is said");
   }
+}
+
+/// What boothd does with it at its next start: nothing that lies there may keep it from starting.
+void close(const std::filesystem::path& directory) {
+  for (const auto& line : daemon::close_interrupted_sessions(directory, {})) require(!line.empty(), "what became of it is said");
 }
 
 /// A log as boothd writes it, one frame long.
@@ -43,25 +52,29 @@ const std::string& log_bytes() {
 }  // namespace
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  static const fuzz::Scratch scratch;
+  static const fuzz::Scratch sessions;
+  static const std::filesystem::path folder = sessions.path() / "20260101T000000Z-0001";
   fuzz::Input in(data, size);
-  const unsigned choice = in.u8() % 4;
+  const unsigned head = in.u8(), choice = head % 4;
   const auto rest = in.bytes(size);
   const std::string bytes(reinterpret_cast<const char*>(rest.data()), rest.size());
   std::error_code ignored;
-  for (const char* name : {daemon::kFrameLogName, "skeleton.csv", "session.json"}) std::filesystem::remove(scratch.path() / name, ignored);
-  scratch.put("session.json", choice == 0 ? bytes : R"({"result":"complete","sex":"men","beta":[0.5,-1]})");
-  if (choice == 0) scratch.put("skeleton.csv", daemon::skeleton_csv_header());
-  if (choice == 1) scratch.put(daemon::kFrameLogName, bytes);
+  std::filesystem::remove_all(folder, ignored);
+  std::filesystem::create_directory(folder);
+  const auto put = [&](const char* name, std::string_view text) { std::ofstream(folder / name, std::ios::binary) << text; };
+  put("session.json", choice == 0 ? bytes : fmt::format(R"({{"result":"{}","sex":"men","beta":[0.5,-1]}})", (head & 4) != 0 ? "running" : "complete"));
+  if (choice == 0) put("skeleton.csv", daemon::skeleton_csv_header());
+  if (choice == 1) put(daemon::kFrameLogName, bytes);
   if (choice == 2) {  // bytes in the middle of a good one
     std::string log = log_bytes();
     if (bytes.size() > 2) {
       const std::size_t at = (static_cast<std::size_t>(static_cast<unsigned char>(bytes[0])) << 8 | static_cast<unsigned char>(bytes[1])) % log.size();
       for (std::size_t i = 2; i < bytes.size() && at + i - 2 < log.size(); ++i) log[at + i - 2] = bytes[i];
     }
-    scratch.put(daemon::kFrameLogName, log);
+    put(daemon::kFrameLogName, log);
   }
-  if (choice == 3) scratch.put("skeleton.csv", daemon::skeleton_csv_header() + bytes);
-  read(scratch.path());
+  if (choice == 3) put("skeleton.csv", daemon::skeleton_csv_header() + bytes);
+  read(folder);
+  close(sessions.path());
   return 0;
 }
