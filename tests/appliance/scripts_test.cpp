@@ -21,9 +21,16 @@ struct ScriptsTest : ::testing::Test {
     for (const char* folders : {"run/systemd/system", "run/udev", "etc/apt/preferences.d", "var/lib/boothd-gate"})
       fs::create_directories(folder.path / folders);
     for (const char* program :
-         {"udevadm", "systemd-sysusers", "systemd-tmpfiles", "systemctl", "deb-systemd-helper", "deb-systemd-invoke", "apt-get", "boothctl"})
+         {"udevadm", "systemd-sysusers", "systemd-tmpfiles", "systemctl", "deb-systemd-helper", "deb-systemd-invoke", "apt-get", "dpkg", "boothctl"})
       stands_in(program, "");
-    stands_in("dpkg-query", R"(case $2 in *Status*) cat "$here/status" ;; *) cat "$here/version" ;; esac)");
+    // The models' package has boothd's version unless a test says otherwise.
+    stands_in("dpkg-query", R"sh(case $4 in boothd-models) version=models ;; *) version=version ;; esac
+[ -e "$here/$version" ] || version=version
+case $2 in
+  *Version*Status*) echo "$(cat "$here/$version") $(cat "$here/status")" ;;
+  *Status*) cat "$here/status" ;;
+  *) cat "$here/$version" ;;
+esac)sh");
     is("status", "installed");
     is("version", "2-1");
   }
@@ -92,20 +99,84 @@ TEST_F(ScriptsTest, TheGateAsksAboutAPackageWhoseScriptsFailed) {
   }
 }
 
+TEST_F(ScriptsTest, TheGateHasNoOpinionOfABoothThatSomebodySwitchedOff) {
+  const auto systemctl_says = [&](const std::string& state, bool enabled) {
+    stands_in("systemctl", "case $1 in show) echo " + state + " ;; is-enabled) exit " + (enabled ? "0" : "1") + " ;; esac");
+  };
+  stands_in("boothctl", "exit 1");
+  systemctl_says("inactive", false);
+  EXPECT_EQ(run("update/boothd-gate").status, 0);
+  EXPECT_THAT(calls(), Not(HasSubstr("boothctl")));
+  EXPECT_EQ(text("var/lib/boothd-gate/good"), "");
+  for (const char* state : {"active", "failed", "activating"}) {
+    systemctl_says(state, false);
+    EXPECT_NE(run("update/boothd-gate").status, 0) << state;
+  }
+  systemctl_says("inactive", true);
+  EXPECT_NE(run("update/boothd-gate").status, 0);
+}
+
 TEST_F(ScriptsTest, WhatIsTakenBackIsPinnedAwayInOneStep) {
   is("var/lib/boothd-gate/good", "1-1\n");
   EXPECT_EQ(run("update/boothd-go-back").status, 0);
   EXPECT_EQ(text("etc/apt/preferences.d/boothd-refused"), "Package: boothd boothd-models\nPin: version 2-1\nPin-Priority: -1\n");
   EXPECT_FALSE(fs::exists(folder.path / "etc/apt/preferences.d/boothd-refused.new"));
-  EXPECT_THAT(calls(), ContainsRegex("apt-get .*boothd=1-1 boothd-models=1-1"));
+  EXPECT_THAT(calls(), ContainsRegex("dpkg --force-confold --configure -a\napt-get .*Lock::Timeout=600 .*boothd=1-1 boothd-models=1-1"));
+}
+
+TEST_F(ScriptsTest, AnUpdateEndsWithTheNewVersionHealthy) {
+  stands_in("apt-get", R"(case $* in *only-upgrade*) echo 3-1 >"$here/version" ;; esac)");
+  EXPECT_EQ(run("update/boothd-update").status, 0);
+  EXPECT_THAT(calls(), ContainsRegex("dpkg --force-confold --configure -a\n.*boothctl health")) << "what the power cut in two is put right first";
+  EXPECT_THAT(calls(), ContainsRegex("apt-get .*Lock::Timeout=600 .*Error-Mode=any update\n"));
+  EXPECT_THAT(calls(), ContainsRegex("apt-get .*Lock::Timeout=600 .*only-upgrade install boothd\n"));
+  EXPECT_THAT(calls(), Not(HasSubstr("boothd=")));
+}
+
+TEST_F(ScriptsTest, AnUpdateThatIsNotHealthyIsTakenBack) {
+  stands_in("apt-get", R"(case $* in *only-upgrade*) echo 3-1 >"$here/version" ;; *boothd=*) echo 2-1 >"$here/version" ;; esac)");
+  stands_in("boothctl", R"sh([ "$(cat "$here/version")" = 2-1 ])sh");
+  const auto result = run("update/boothd-update");
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.output, HasSubstr("2-1 again, because 3-1 was not healthy"));
+  EXPECT_THAT(calls(), ContainsRegex("apt-get .*Lock::Timeout=600 .*boothd=2-1 boothd-models=2-1"));
 }
 
 TEST_F(ScriptsTest, AnUpdateThatAptCouldNotFinishIsTakenBack) {
   stands_in("apt-get", R"(case $* in *only-upgrade*) echo 3-1 >"$here/version"; exit 100 ;; *boothd=*) echo 2-1 >"$here/version" ;; esac)");
   const auto result = run("update/boothd-update");
   EXPECT_EQ(result.status, 1);
-  EXPECT_THAT(result.output, HasSubstr("2-1 again, because 3-1 was not healthy"));
+  EXPECT_THAT(result.output, HasSubstr("2-1 again, because the update did not come to its end"));
   EXPECT_THAT(calls(), ContainsRegex("apt-get .*boothd=2-1 boothd-models=2-1"));
+}
+
+TEST_F(ScriptsTest, AnUpdateThatBroughtTheModelsAloneIsTakenBack) {
+  stands_in("apt-get", R"(case $* in *only-upgrade*) echo 3-1 >"$here/models"; exit 100 ;; *boothd=*) rm "$here/models" ;; esac)");
+  const auto result = run("update/boothd-update");
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.output, HasSubstr("2-1 again, because the update did not come to its end"));
+  EXPECT_THAT(calls(), ContainsRegex("apt-get .*boothd=2-1 boothd-models=2-1"));
+}
+
+TEST_F(ScriptsTest, AnUpdateThatCannotBeTakenBackSaysSo) {
+  stands_in("apt-get", R"(case $* in *only-upgrade*) echo 3-1 >"$here/version"; exit 100 ;; *boothd=*) exit 100 ;; esac)");
+  const auto result = run("update/boothd-update");
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.output, HasSubstr("not gone back: apt-get could not install 2-1"));
+}
+
+TEST_F(ScriptsTest, WithoutTheRepositoryNothingIsTheNewest) {
+  stands_in("apt-get", R"(case $* in *Error-Mode=any*update) exit 100 ;; esac)");
+  const auto result = run("update/boothd-update");
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.output, HasSubstr("not updated: the lists could not be fetched"));
+  EXPECT_THAT(calls(), Not(HasSubstr("only-upgrade")));
+}
+
+TEST_F(ScriptsTest, NothingNewerIsNoFailure) {
+  const auto result = run("update/boothd-update");
+  EXPECT_EQ(result.status, 0);
+  EXPECT_THAT(result.output, HasSubstr("2-1 is the newest"));
 }
 
 TEST_F(ScriptsTest, AnUpdateThatAptRefusedChangesNothing) {
