@@ -43,7 +43,7 @@ esac)sh");
   void is(const std::string& what, const std::string& text) const { folder.write(what, text); }
   CommandResult run(const std::string& script, const std::string& arguments = "") const {
     const auto copy = folder.path / "script";
-    const std::string places = "s,/\\(etc/apt\\|run/systemd\\|run/udev\\|var/lib/boothd-gate\\),'" + folder.path.string() + "'/\\1,g";
+    const std::string places = "s,/\\(etc/apt\\|etc/boothd\\|run/systemd\\|run/udev\\|var/lib/boothd\\),'" + folder.path.string() + "'/\\1,g";
     return run_in_source_tree("sed \"" + places + "\" toolchain/packaging/" + script + " >'" + copy.string() + "' && env -u STATE_DIRECTORY PATH='" +
                               (folder.path / "bin").string() + "':\"$PATH\" sh '" + copy.string() + "' " + arguments);
   }
@@ -70,6 +70,18 @@ TEST_F(ScriptsTest, NoSystemdAndNothingThatAnswersIsNoReasonToFail) {
       EXPECT_EQ(result.status, 0) << how << result.output;
     }
   }
+}
+
+TEST_F(ScriptsTest, APurgeLeavesNothingOfAPersonBehindALinkEither) {
+  folder.write("disk/sessions/20260101T000000Z-0001/session.json", "{}");
+  folder.write("etc/boothd/boothd.toml.d/mine.toml", "");
+  fs::create_directory_symlink(folder.path / "disk", folder.path / "var/lib/boothd");
+  EXPECT_EQ(run("postrm", "remove").status, 0);
+  EXPECT_TRUE(fs::exists(folder.path / "disk/sessions/20260101T000000Z-0001/session.json"));
+  EXPECT_EQ(run("postrm", "purge").status, 0);
+  EXPECT_TRUE(fs::is_empty(folder.path / "disk"));
+  EXPECT_FALSE(fs::exists(fs::symlink_status(folder.path / "var/lib/boothd")));
+  EXPECT_FALSE(fs::exists(folder.path / "etc/boothd"));
 }
 
 TEST_F(ScriptsTest, TheGateRemembersWhatPasses) {
