@@ -14,6 +14,7 @@
 #include "daemon/config/toml_text.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
 #include "daemon/io/atomic_file.hpp"
+#include "daemon/io/backups.hpp"
 #include "daemon/io/file_bytes.hpp"
 
 namespace booth::daemon {
@@ -46,8 +47,8 @@ std::vector<fs::path> backups_of(const fs::path& file) {
   std::vector<fs::path> kept;
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(file.parent_path().empty() ? "." : file.parent_path(), error))
-    if (const std::string name = entry.path().filename().string(); name.starts_with(stem) && name.ends_with(".toml")) kept.push_back(entry.path());
-  std::sort(kept.begin(), kept.end());
+    if (const std::string name = entry.path().filename().string(); name.starts_with(stem) && name.ends_with(".toml")) kept.push_back(file.parent_path() / name);
+  sort_backups(kept);
   return kept;
 }
 
@@ -61,8 +62,7 @@ void keep_old(const fs::path& file) {
   } catch (const std::exception& e) {
     throw std::runtime_error(fmt::format("the calibration before cannot be kept ({}); nothing was changed", e.what()));
   }
-  const auto kept = backups_of(file);
-  for (std::size_t i = 0; i + kKept < kept.size(); ++i) fs::remove(kept[i], error);
+  keep_newest_backups(backups_of(file), backup, kKept);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include "daemon/config/keys.hpp"
 #include "daemon/io/atomic_file.hpp"
+#include "daemon/io/backups.hpp"
 
 namespace booth::daemon {
 namespace {
@@ -92,13 +93,15 @@ void write_texts(ConfigPlan& plan, const ConfigSources& beneath, const std::vect
   for (const ConfigKey& key : config_keys())
     if (format_config_value(key, plan.after.config) != format_config_value(key, base)) names.emplace(key.name);
   plan.after.named.assign(names.begin(), names.end());
+  // Who goes back to the version before this one finds keys that it does not know, and has to know why.
+  const std::string version = fmt::format("version = {}\n", kConfigVersion);
   const std::string head = "# Written by `boothctl config`. Change it, or put keys into other files here: those that come later in the alphabet win.\n";
-  plan.imported = names.empty() ? "" : head + tables_text(names, plan.after.config);
+  plan.imported = names.empty() ? "" : head + version + tables_text(names, plan.after.config);
   const LoadedConfig file = load_settings(beneath);
   names.insert(file.named.begin(), file.named.end());
   names.insert(plan.before.named.begin(), plan.before.named.end());
   plan.settled = "# `boothctl config` was interrupted after its change took effect. Run it again, or rename this file to " + std::string(kImported) +
-                 " and delete the others.\n" + tables_text(names, plan.after.config);
+                 " and delete the others.\n" + version + tables_text(names, plan.after.config);
 
   ConfigSources over = beneath;
   over.text_name = kImported;
@@ -106,14 +109,13 @@ void write_texts(ConfigPlan& plan, const ConfigSources& beneath, const std::vect
   if (!same(load_config(over), plan.after.config)) throw std::logic_error("the imported configuration does not read back as it was meant");
 }
 
-void keep_newest(const fs::path& file) {
+void keep_newest(const fs::path& file, const fs::path& just_written) {
   const std::string stem = file.filename().string() + ".before-";
   std::vector<fs::path> kept;
   std::error_code error;
   for (fs::directory_iterator it(file.parent_path().empty() ? fs::path(".") : file.parent_path(), error), end; !error && it != end; it.increment(error))
-    if (it->path().filename().string().starts_with(stem)) kept.push_back(it->path());
-  std::sort(kept.begin(), kept.end());
-  for (std::size_t i = 0; i + kBackups < kept.size(); ++i) fs::remove(kept[i], error);
+    if (const std::string name = it->path().filename().string(); name.starts_with(stem)) kept.push_back(file.parent_path() / name);
+  keep_newest_backups(std::move(kept), just_written, kBackups);
 }
 
 void rename_or_throw(const fs::path& from, const fs::path& to) {
@@ -213,7 +215,7 @@ std::vector<std::function<void()>> steps_of(const ConfigPlan& plan, const std::s
     std::error_code error;
     fs::remove(folder / kLast, error);
     if (error) throw std::runtime_error(fmt::format("{} cannot be deleted: {}", (folder / kLast).string(), error.message()));
-    keep_newest(file);
+    keep_newest(file, file.string() + ending);
   });
   return out;
 }

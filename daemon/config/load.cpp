@@ -6,13 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <fstream>
 #include <ostream>
 #include <set>
-#include <sstream>
 
 #include "daemon/config/keys.hpp"
 #include "daemon/config/toml_document.hpp"
+#include "daemon/io/file_bytes.hpp"
 #include "hal/file_version.hpp"
 
 namespace booth::daemon {
@@ -155,15 +154,14 @@ struct Loader {
   }
 
   void file(const std::filesystem::path& path) {
-    std::error_code error;
-    const auto size = std::filesystem::file_size(path, error);
-    if (error) return problem(path.string(), "", fmt::format("cannot be read: {}", error.message()));
-    if (size > kMaxFileBytes) return problem(path.string(), "", fmt::format("is {} bytes long; a configuration has at most {}", size, kMaxFileBytes));
-    std::ifstream in(path, std::ios::binary);
-    std::stringstream text;
-    text << in.rdbuf();
-    if (!in) return problem(path.string(), "", "cannot be read: is it readable for this user?");
-    toml_text(text.str(), path.string());
+    std::string text;
+    try {
+      text = read_file_bytes(path, kMaxFileBytes);
+    } catch (const std::exception& e) {  // a bad sector must not look like a file without keys: security would be off
+      const std::string what = e.what(), opening = "cannot read " + path.string() + ": ";
+      return problem(path.string(), "", "cannot be read: " + (what.starts_with(opening) ? what.substr(opening.size()) : what));
+    }
+    toml_text(text, path.string());
   }
 
   void toml_text(const std::string& text, const std::string& name) {

@@ -31,16 +31,22 @@ std::string read_file_bytes(const std::filesystem::path& path, std::uint64_t mos
   if (::fstat(file.fd, &status) != 0) fail(path, std::strerror(errno));
   if (S_ISDIR(status.st_mode)) fail(path, "it is a folder");
   if (!S_ISREG(status.st_mode)) fail(path, "it is not a regular file");
+  const auto too_large = [&](std::uint64_t size) {
+    fail(path, "it has " + std::to_string(size) + " bytes, at most " + std::to_string(most) + " are accepted");
+  };
   const auto size = static_cast<std::uint64_t>(status.st_size);
-  if (size > most) fail(path, "it has " + std::to_string(size) + " bytes, at most " + std::to_string(most) + " are accepted");
-  std::string bytes(size, '\0');
+  if (size > most) too_large(size);
+  // One byte more than it says: only the end of the file proves that nothing is missing.
+  std::string bytes(size + 1, '\0');
   std::size_t done = 0;
-  while (done < bytes.size()) {
+  while (true) {
     const ssize_t n = ::read(file.fd, bytes.data() + done, bytes.size() - done);
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) fail(path, std::strerror(errno));
-    if (n == 0) break;  // it shrank while being read; the parser will say what is missing
+    if (n == 0) break;  // or it shrank while being read; the parser will say what is missing
     done += static_cast<std::size_t>(n);
+    if (done > most) too_large(done);
+    if (done == bytes.size()) bytes.resize(2 * done);  // it grows, or the kernel makes it while it is read
   }
   bytes.resize(done);
   return bytes;

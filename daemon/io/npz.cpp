@@ -121,7 +121,8 @@ std::string utf8(char32_t c) {
   return s;
 }
 
-NpzArray parse_npy(std::string_view npy) {
+/// `texts_left`: how many the archive may still hold.
+NpzArray parse_npy(std::string_view npy, std::uint64_t& texts_left) {
   if (!npy.starts_with("\x93NUMPY")) throw Malformed("is not a NumPy array");
   const auto version = get<std::uint8_t>(npy, 6);
   if (version != 1 && version != 2) throw Malformed("has NumPy format version " + std::to_string(version) + "; save it with numpy.savez");
@@ -165,7 +166,8 @@ NpzArray parse_npy(std::string_view npy) {
   if ((!wide && !narrow) || width > 65536) throw Malformed("has type " + std::string(descr) + "; allowed are f2, f4, f8, i4, i8, u1 (little-endian) and text");
   const std::size_t step = width * (wide ? 4 : 1);
   // In memory a text takes more room than in the file, where it may take none.
-  if (count > kMostTexts) throw Malformed("states " + std::to_string(count) + " texts; at most " + std::to_string(kMostTexts) + " are read");
+  if (count > texts_left) throw Malformed("states " + std::to_string(count) + " texts; at most " + std::to_string(kMostTexts) + " are read of an archive");
+  texts_left -= count;
   if (data.size() != count * step) throw Malformed("holds a different number of bytes than its shape needs");
   array.type = NpzType::text;
   for (std::uint64_t i = 0; i < count; ++i) {
@@ -260,7 +262,7 @@ void NpzReader::parse(std::string_view archive) {
     const std::size_t members = get<std::uint16_t>(archive, end + 10);
     if (members > kMostMembers) throw Malformed("states " + std::to_string(members) + " arrays; at most " + std::to_string(kMostMembers) + " are read");
     std::size_t at = get<std::uint32_t>(archive, end + 16);
-    std::uint64_t total = 0;
+    std::uint64_t total = 0, texts_left = kMostTexts;
     for (std::size_t i = 0; i < members; ++i) {
       if (get<std::uint32_t>(archive, at) != kCentralMark) throw Malformed("has a broken directory");
       const auto flags = get<std::uint16_t>(archive, at + 8), method = get<std::uint16_t>(archive, at + 10);
@@ -286,7 +288,7 @@ void NpzReader::parse(std::string_view archive) {
       if (method == 8 && size / 1100 > packed) throw Malformed("states an impossible size");
       const std::string contents = method == 8 ? inflated(data, size) : std::string(data);
       if (checksum(contents) != crc) throw Malformed("is damaged: its checksum differs");
-      if (!arrays_.emplace(key, parse_npy(contents)).second) throw Malformed("stands there twice");
+      if (!arrays_.emplace(key, parse_npy(contents, texts_left)).second) throw Malformed("stands there twice");
     }
   } catch (const Malformed& e) {
     throw std::runtime_error(name_ + ": " + member + " " + e.what());
@@ -296,7 +298,8 @@ void NpzReader::parse(std::string_view archive) {
 NpzArray read_npy(const std::filesystem::path& path) {
   const std::string bytes = read_file_bytes(path, kMostBytes);
   try {
-    return parse_npy(bytes);
+    std::uint64_t texts_left = kMostTexts;
+    return parse_npy(bytes, texts_left);
   } catch (const Malformed& e) {
     throw std::runtime_error(path.string() + ": " + e.what());
   }

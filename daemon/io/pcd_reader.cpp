@@ -142,7 +142,9 @@ RawCloud parse_pcd(std::string_view bytes) {
   const auto make_room = [&] { out.points.resize(h.points), out.normals.resize(h.points); };
   const auto put = [&](std::uint64_t i, int slot, float value) { (slot < 3 ? out.points : out.normals)[i][static_cast<std::size_t>(slot % 3)] = value; };
   if (h.data == "ascii") {
-    check_count(h.points, 2 * h.fields.size(), text.rest().size() + 1, "points");
+    std::uint64_t values = 0;  // of a point: each takes a digit and what parts it from the next
+    for (const Field& f : h.fields) values += f.count;
+    check_count(h.points, 2 * values, text.rest().size() + 1, "points");
     make_room();
     for (std::uint64_t i = 0; i < h.points; ++i) {
       if (!text.next_line()) throw ParseError("it ends early, after " + text.where());

@@ -81,12 +81,13 @@ void keep_what_fits(std::vector<FrameRecord>& records) {
 std::vector<FrameRecord> read_records(const std::filesystem::path& path, const Read& read, std::string* complaint) {
   Header header;
   const Header expected;
-  const auto is_none = [&] { return std::runtime_error(fmt::format("{}: is no log of boothd", path.string())); };
-  if (!read(&header, sizeof header)) throw is_none();
-  // One byte that rotted in the head must not cost what follows: where the records are ours the head was, too.
-  const bool damaged_head =
-      std::memcmp(header.magic, expected.magic, sizeof header.magic) != 0 || (header.version == kFrameLogVersion && header.record_bytes != sizeof(FrameRecord));
-  if (damaged_head) header = expected;
+  std::string damaged_head;  // how
+  if (!read(&header, sizeof header) || std::memcmp(header.magic, expected.magic, sizeof header.magic) != 0)
+    damaged_head = "is no log of boothd";
+  else if (header.version == kFrameLogVersion && header.record_bytes != sizeof(FrameRecord))
+    damaged_head = fmt::format("its frames are of {} bytes, which no version writes", header.record_bytes);
+  // One byte that rotted there must not cost what follows: where the records are ours the head was, too.
+  if (!damaged_head.empty()) header = expected;
   if (hal::judge_file_version(header.version, kFrameLogVersion) == hal::FileVersion::unreadable)
     throw OtherLogVersion(fmt::format("{}: {}", path.string(), hal::file_version_complaint(header.version, kFrameLogVersion)));
   if (header.record_bytes < kFirstRecord || header.record_bytes > kLargestRecord)
@@ -100,8 +101,8 @@ std::vector<FrameRecord> read_records(const std::filesystem::path& path, const R
     if (possible(record)) out.push_back(record);
   }
   keep_what_fits(out);
-  if (damaged_head && 2 * out.size() <= found) throw is_none();
-  if (complaint && damaged_head) *complaint = fmt::format("{}: its head is damaged", path.string());
+  if (!damaged_head.empty() && 2 * out.size() <= found) throw std::runtime_error(fmt::format("{}: {}", path.string(), damaged_head));
+  if (complaint && !damaged_head.empty()) *complaint = fmt::format("{}: its head is damaged", path.string());
   if (complaint && out.size() < found)
     *complaint = fmt::format("{}: {} of its {} frames are damaged and were left out", path.string(), found - out.size(), found);
   return out;

@@ -52,25 +52,42 @@ std::string text_of(sqlite3_stmt* s, int column) {
   return t == nullptr ? std::string() : std::string(t);
 }
 
+[[noreturn]] void damaged(const Database& db, const fs::path& file) { throw std::runtime_error(file.string() + ": " + sqlite3_errmsg(db.get())); }
+
+/// By the index, which is quick; where that is damaged it is made anew, since no message is lost with it. Throws where the messages themselves are.
+std::int64_t count_messages(const Database& db, const fs::path& file) {
+  const auto count = [&](std::int64_t& out) {
+    const Statement all = prepare(db, file, "SELECT COUNT(*) FROM messages");
+    if (sqlite3_step(all.get()) != SQLITE_ROW) return false;
+    out = sqlite3_column_int64(all.get(), 0);
+    return true;
+  };
+  std::int64_t messages = 0;
+  if (count(messages)) return messages;
+  if (sqlite3_exec(db.get(), "REINDEX", nullptr, nullptr, nullptr) != SQLITE_OK || !count(messages)) damaged(db, file);
+  return messages;
+}
+
 /// What the file holds, as ROS wants it told. Returns the number of messages.
 std::int64_t write_metadata(const Database& db, const fs::path& file, const fs::path& folder) {
   std::int64_t total = 0, first = 0, last = 0;
   const Statement all = prepare(db, file, "SELECT COUNT(*), COALESCE(MIN(timestamp), 0), COALESCE(MAX(timestamp), 0) FROM messages");
-  if (sqlite3_step(all.get()) == SQLITE_ROW) {
-    total = sqlite3_column_int64(all.get(), 0);
-    first = sqlite3_column_int64(all.get(), 1);
-    last = sqlite3_column_int64(all.get(), 2);
-  }
+  if (sqlite3_step(all.get()) != SQLITE_ROW) damaged(db, file);
+  total = sqlite3_column_int64(all.get(), 0);
+  first = sqlite3_column_int64(all.get(), 1);
+  last = sqlite3_column_int64(all.get(), 2);
   const std::string name = file.filename().string();
   std::ofstream out(folder / "metadata.yaml");
   out << "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n  duration:\n    nanoseconds: " << last - first
       << "\n  starting_time:\n    nanoseconds_since_epoch: " << first << "\n  message_count: " << total << "\n  topics_with_message_count:\n";
   const Statement topics =
       prepare(db, file, "SELECT name, type, offered_qos_profiles, (SELECT COUNT(*) FROM messages WHERE topic_id = topics.id) FROM topics ORDER BY id");
-  while (sqlite3_step(topics.get()) == SQLITE_ROW)
+  int rc;
+  while ((rc = sqlite3_step(topics.get())) == SQLITE_ROW)
     out << "    - topic_metadata:\n        name: " << text_of(topics.get(), 0) << "\n        type: " << text_of(topics.get(), 1)
         << "\n        serialization_format: cdr\n        offered_qos_profiles: " << yaml_quoted(text_of(topics.get(), 2))
         << "\n      message_count: " << sqlite3_column_int64(topics.get(), 3) << "\n";
+  if (rc != SQLITE_DONE) damaged(db, file);
   out << "  compression_format: \"\"\n  compression_mode: \"\"\n  relative_file_paths:\n    - " << name << "\n  files:\n    - path: " << name
       << "\n      starting_time:\n        nanoseconds_since_epoch: " << first << "\n      duration:\n        nanoseconds: " << last - first
       << "\n      message_count: " << total << "\n";
@@ -173,8 +190,8 @@ std::string recover_bag(const fs::path& partial) noexcept {
     std::int64_t messages = 0;
     if (fs::exists(file)) {
       const Database db = open_database(file, SQLITE_OPEN_READWRITE);
-      const Statement any = prepare(db, file, "SELECT COUNT(*) FROM messages");  // an open for writing rolls back what was torn
-      if (sqlite3_step(any.get()) == SQLITE_ROW) messages = sqlite3_column_int64(any.get(), 0);
+      distrust(db);
+      messages = count_messages(db, file);  // an open for writing rolls back what was torn
     }
     if (messages == 0) {
       fs::remove_all(partial);
@@ -182,6 +199,7 @@ std::string recover_bag(const fs::path& partial) noexcept {
     }
     {
       const Database db = open_database(file, SQLITE_OPEN_READWRITE);
+      distrust(db);
       write_metadata(db, file, partial);
       sqlite3_exec(db.get(), "PRAGMA journal_mode=DELETE", nullptr, nullptr, nullptr);
     }

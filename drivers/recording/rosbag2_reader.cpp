@@ -99,7 +99,7 @@ struct Bag {
 Bag open_bag(const fs::path& path) {
   Bag bag{path, open_database(path, SQLITE_OPEN_READONLY)};
   sqlite3_limit(bag.db.get(), SQLITE_LIMIT_LENGTH, static_cast<int>(kMaxMessage));
-  sqlite3_exec(bag.db.get(), "PRAGMA trusted_schema=off", nullptr, nullptr, nullptr);
+  distrust(bag.db);
   return bag;
 }
 
@@ -203,9 +203,9 @@ class Contents {
     const Statement select = prepare(bags_[file].db, files_[file], "SELECT id, topic_id, timestamp, substr(data, 1, 12) FROM messages");
     std::size_t count = 0;
     while ((rc = sqlite3_step(select.get())) == SQLITE_ROW) {
+      if (++count > kMaxFrames) fail(files_[file], "has more than " + std::to_string(kMaxFrames) + " messages");
       const auto topic = by_id.find(sqlite3_column_int64(select.get(), 1));
       if (topic == by_id.end()) continue;
-      if (++count > kMaxFrames) fail(files_[file], "has more than " + std::to_string(kMaxFrames) + " messages");
       MessageId m{hal::UtcTime(hal::Nanoseconds(sqlite3_column_int64(select.get(), 2))), file, sqlite3_column_int64(select.get(), 0)};
       hal::UtcTime stamp;
       if (!zstd_ && is_image(topics_[topic->second].type) && ros::read_stamp(blob(select.get(), 3), stamp)) m.time = stamp;

@@ -29,6 +29,14 @@ inline Database open_database(const std::filesystem::path& path, int flags) {
   return db;
 }
 
+/// For a file that may be anybody's: what is named like a table has to be one, since a view can compute for ever.
+inline void distrust(const Database& db) {
+  sqlite3_exec(db.get(), "PRAGMA trusted_schema=off", nullptr, nullptr, nullptr);
+  sqlite3_db_config(db.get(), SQLITE_DBCONFIG_ENABLE_VIEW, 0, nullptr);
+  sqlite3_db_config(db.get(), SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, nullptr);
+  sqlite3_db_config(db.get(), SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+}
+
 inline Statement prepare(const Database& db, const std::filesystem::path& path, const char* sql) {
   sqlite3_stmt* raw = nullptr;
   if (sqlite3_prepare_v2(db.get(), sql, -1, &raw, nullptr) != SQLITE_OK) throw std::runtime_error(path.string() + ": " + sqlite3_errmsg(db.get()));

@@ -19,6 +19,7 @@
 #include "drivers/recording/flight_recorder.hpp"
 #include "drivers/recording/moment_ring.hpp"
 #include "drivers/recording/recording.hpp"
+#include "drivers/recording/sqlite.hpp"
 #include "tests/conformance/sources.hpp"
 
 namespace booth::drivers {
@@ -329,6 +330,55 @@ TEST(Recovery, RemovesWhatIsEmptyAndSaysWhatIsBroken) {
   EXPECT_THAT(said[0], HasSubstr("removed"));
   EXPECT_THAT(said[1], HasSubstr("cannot be finished"));
   EXPECT_FALSE(fs::exists(scratch.path() / "a.partial-123456"));
+}
+
+TEST(Recovery, ABadPageOfTheIndexCostsNoMessage) {
+  const tests::ScratchFolder scratch;
+  const fs::path partial = scratch.path() / "c.partial-123456", file = partial / "c_0.db3";
+  {
+    BagFile bag(scratch.path() / "c");
+    const std::size_t topic = bag.add_topic("/t", "std_msgs/msg/String", false);
+    const std::string text(100, 't');
+    for (int n = 0; n < 3000; ++n) bag.insert(topic, hal::UtcTime(std::chrono::seconds(n)), text);
+    bag.close();
+  }
+  fs::rename(scratch.path() / "c", partial);
+  fs::remove(partial / "metadata.yaml");
+  {
+    const Database db = open_database(file, SQLITE_OPEN_READONLY);
+    const Statement root = prepare(db, file, "SELECT rootpage FROM sqlite_master WHERE name = 'timestamp_idx'");
+    ASSERT_EQ(sqlite3_step(root.get()), SQLITE_ROW);
+    const auto page = sqlite3_column_int64(root.get(), 0);
+    std::fstream bytes(file, std::ios::in | std::ios::out | std::ios::binary);
+    bytes.seekp((page - 1) * 4096);
+    bytes << std::string(4096, '\0');
+  }
+  const auto said = recover_bags(scratch.path());
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_THAT(said[0], HasSubstr("3000 messages of it were saved"));
+  EXPECT_TRUE(fs::exists(scratch.path() / "c" / "metadata.yaml"));
+}
+
+TEST(Recovery, WhatCannotBeCountedIsNotEmpty) {
+  const tests::ScratchFolder scratch;
+  const fs::path partial = scratch.path() / "d.partial-123456", file = partial / "d_0.db3";
+  {
+    BagFile bag(scratch.path() / "d");
+    const std::size_t topic = bag.add_topic("/t", "std_msgs/msg/String", false);
+    for (int n = 0; n < 3000; ++n) bag.insert(topic, hal::UtcTime(std::chrono::seconds(n)), std::string(100, 't'));
+    bag.close();
+  }
+  fs::rename(scratch.path() / "d", partial);
+  const auto size = static_cast<std::streamoff>(fs::file_size(file));
+  {
+    std::fstream bytes(file, std::ios::in | std::ios::out | std::ios::binary);
+    bytes.seekp(4096);
+    bytes << std::string(static_cast<std::size_t>(size - 4096), '\xff');  // all but the head, which says what tables there are
+  }
+  const auto said = recover_bags(scratch.path());
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_THAT(said[0], HasSubstr("cannot be finished"));
+  EXPECT_TRUE(fs::exists(file)) << "it is not ours to delete";
 }
 
 TEST(MomentRing, HandsOutWhatItHoldsInOrder) {

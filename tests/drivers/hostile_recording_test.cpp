@@ -164,6 +164,14 @@ TEST_F(HostileBag, SaysWhatIsMissing) {
   EXPECT_NE(complaint(path_).find("messages"), std::string::npos);
 }
 
+TEST_F(HostileBag, AViewThatNeverEndsIsNoTable) {
+  execute("ALTER TABLE messages RENAME TO stolen");
+  execute(
+      "CREATE VIEW messages AS WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELECT x AS id, 9 AS topic_id, 0 AS timestamp, x'00' AS data "
+      "FROM c");
+  EXPECT_NE(complaint(path_), "") << "and not never";
+}
+
 TEST_F(HostileBag, RefusesTruncatedFilesAndForeignStorage) {
   const std::string metadata = contents_of(path_ / "metadata.yaml");
   replace(path_ / "metadata.yaml", "storage_identifier: sqlite3", "storage_identifier: mcap");

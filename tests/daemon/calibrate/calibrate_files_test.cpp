@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <fstream>
 #include <regex>
+#include <thread>
 
 #include "daemon/calibrate/board_pdf.hpp"
 #include "daemon/calibrate/calibration_store.hpp"
@@ -163,6 +164,25 @@ TEST(CalibrationStore, ADamagedOneIsReplacedByTheNewestThatCanBeRead) {
   EXPECT_EQ(restore_calibration(file).filename(), "calibration.before-20261128T090000Z.toml");
   EXPECT_EQ(load_calibration(file).utc, "2026-11-28T09:00:00Z");
   EXPECT_EQ(read_file_bytes(scratch.path / "calibration.replaced.toml", 1u << 20), "half a fi");
+}
+
+TEST(CalibrationStore, TheLastThatWasReplacedIsTheNewestWhateverItsDate) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  CalibrationRecord r = record();
+  // The second one was made while the clock stood at its beginning, the first while it was ahead.
+  for (const char* utc : {"2036-01-01T09:00:00Z", "2000-01-01T09:00:00Z", "2026-11-30T09:00:00Z"}) {
+    r.utc = utc, store_calibration(file, r);
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));  // longer than the file system's clock ticks
+  }
+  EXPECT_EQ(restore_calibration(file).filename(), "calibration.before-20000101T090000Z.toml");
+  for (int day = 10; day < 20; ++day) {  // one more than there is room for with these
+    r.utc = "2026-12-" + std::to_string(day) + "T10:00:00Z";
+    store_calibration(file, r);
+  }
+  r.utc = "1999-01-01T09:00:00Z", store_calibration(file, r);
+  r.utc = "2026-12-24T09:00:00Z", store_calibration(file, r);
+  EXPECT_TRUE(fs::exists(scratch.path / "calibration.before-19990101T090000Z.toml")) << "the one before is kept, whatever its date";
 }
 
 TEST(CalibrationStore, WhatIsDamagedAndHasNoTimeIsKeptUnderTheTimeOfItsFile) {

@@ -2,8 +2,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
+
 #include "daemon/config/change.hpp"
 #include "daemon/config/keys.hpp"
+#include "daemon/config/load.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
 #include "tests/support/complaint.hpp"
 
@@ -124,6 +127,40 @@ TEST(ConfigImport, KeepsTenBackups) {
   for (const auto& entry : fs::directory_iterator(box.folder.path)) backups += entry.path().filename().string().starts_with("boothd.toml.before-");
   EXPECT_EQ(backups, 10u);
   EXPECT_TRUE(fs::exists(box.file.string() + ".before-24"));
+}
+
+TEST(ConfigImport, AClockThatWasAheadCostsNoBackup) {
+  const Box box;
+  const auto backup = [&](const std::string& stamp) { return fs::path(box.file.string() + ".before-" + stamp); };
+  for (int i = 10; i < 20; ++i) {
+    const fs::path path = box.folder.write("boothd.toml.before-203601" + std::to_string(i), "");
+    fs::last_write_time(path, fs::file_time_type::clock::now() + std::chrono::hours(87'600 + i));
+  }
+  const auto change = [&](int seed) {
+    box.carry_out(box.plan(std::string(kHead) + "[fit]\nseed = " + std::to_string(seed) + "\n"), 1000, "202611" + std::to_string(seed));
+  };
+  change(10);
+  EXPECT_TRUE(fs::exists(backup("20261110"))) << "it was just promised";
+  EXPECT_FALSE(fs::exists(backup("20360110")));
+  change(11);
+  change(12);
+  for (const char* stamp : {"20261110", "20261111", "20261112", "20360119"}) EXPECT_TRUE(fs::exists(backup(stamp))) << stamp;
+  EXPECT_FALSE(fs::exists(backup("20360112")));
+}
+
+TEST(ConfigImport, WhatItWroteIsReadByTheVersionBefore) {
+  const Box box;
+  box.carry_out(box.plan(std::string(kHead) + "[fit]\nseed = 5\n"));
+  const fs::path written = box.file.string() + ".d/00-imported.toml";
+  std::string text = read_text(written);
+  const std::string ours = "version = " + std::to_string(kConfigVersion) + "\n";
+  ASSERT_NE(text.find(ours), std::string::npos) << text;
+  // As the next version would have written it: this one has to start with it when that is taken back.
+  text.replace(text.find(ours), ours.size(), "version = " + std::to_string(kConfigVersion + 1) + "\n");
+  box.folder.write("boothd.toml.d/00-imported.toml", text + "a_key_of_tomorrow = 1\n");
+  std::vector<std::string> warnings;
+  EXPECT_EQ(load_config({.file = box.file, .assignments = {}}, &warnings).fit.seed, 5);
+  EXPECT_FALSE(warnings.empty());
 }
 
 TEST(ConfigImport, TellsWhatChanges) {

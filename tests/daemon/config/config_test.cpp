@@ -94,6 +94,8 @@ TEST(Config, ReportsAllProblemsOfAllSources) {
 TEST(Config, SaysWhereTomlIsBroken) {
   EXPECT_THAT(problems_in("[fit]\nthreads = = 2\n"), ElementsAre(HasSubstr("b.toml:2: not TOML: ")));
   EXPECT_THAT(problems_of({.file = "/nonexistent/b.toml", .assignments = {}}), ElementsAre(HasSubstr("/nonexistent/b.toml: cannot be read: ")));
+  // Reading it fails as on a bad sector: that is no file without keys, with which security would be off.
+  EXPECT_THAT(problems_of({.file = "/proc/self/mem", .assignments = {}}), ElementsAre(HasSubstr("/proc/self/mem: cannot be read: ")));
 }
 
 TEST(Config, RefusesWhatThisBuildCannotDo) {

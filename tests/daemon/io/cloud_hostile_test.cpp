@@ -65,6 +65,7 @@ std::vector<Case> cases() {
       {"nodata.pcd", kPcd + "POINTS 1\n", "no DATA line"},
       {"fields.pcd", "FIELDS x y\nSIZE 4 4\nTYPE F F\nCOUNT 1 1\nPOINTS 1\nDATA ascii\n0 0\n", "fields x, y and z"},
       {"integers.pcd", "FIELDS x y z\nSIZE 4 4 4\nTYPE I I I\nCOUNT 1 1 1\nPOINTS 1\nDATA ascii\n0 0 0\n", "not a single float or double"},
+      {"wide.pcd", "FIELDS x y z w\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 65535\nPOINTS 1000\nDATA ascii\n" + std::string(60'000, '\n'), "truncated"},
       {"huge.pcd", kPcd + "WIDTH 4294967295\nHEIGHT 4294967295\nDATA binary\nxxxx", "at most 50000000"},
       {"cut.pcd", kPcd + "POINTS 3\nDATA binary\n0123456789", "truncated"},
       {"kind.pcd", kPcd + "POINTS 3\nDATA gzip\n", "known are ascii, binary"},

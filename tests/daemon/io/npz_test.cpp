@@ -165,6 +165,16 @@ TEST(Npz, HostileHeadersAreRefused) {
   }
 }
 
+TEST(Npz, TextsAreCountedOverTheWholeArchive) {
+  // In the file a text of no letters takes nothing, in memory 32 bytes.
+  NpzWriter w;
+  const std::vector<std::string> many(600'000);
+  w.add_texts("a", many);
+  EXPECT_EQ(error_of(w.archive()), "");
+  w.add_texts("b", many);
+  EXPECT_NE(error_of(w.archive()).find("texts"), std::string::npos);
+}
+
 TEST(Npz, ImpossibleSizesAreRefusedBeforeMemoryIsTaken) {
   const std::string member = npy("{'descr': '<f4', 'fortran_order': False, 'shape': (4,), }", std::string(16, '\0'));
   EXPECT_NE(error_of(stored(member, 0xfffffff0u)), "");
