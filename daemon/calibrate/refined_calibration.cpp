@@ -4,8 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
-#include <iterator>
 #include <sstream>
 #include <stdexcept>
 
@@ -13,11 +11,13 @@
 #include "daemon/config/toml_document.hpp"
 #include "daemon/config/toml_text.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
+#include "daemon/io/file_bytes.hpp"
 
 namespace booth::daemon {
 namespace {
 
 namespace fs = std::filesystem;
+constexpr std::size_t kLargest = 1u << 20;  // bytes of a calibration
 
 struct Edit {
   std::size_t begin, end;  ///< bytes
@@ -45,12 +45,6 @@ class Places {
   const std::string& text_;
   std::vector<std::size_t> starts_;
 };
-
-std::string read(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw std::runtime_error(fmt::format("{}: cannot be read: is it there, and may you read it?", file.string()));
-  return {std::istreambuf_iterator<char>(in), {}};
-}
 
 std::string matrix(const hal::RigidTransform& t) {
   std::string out = "[\n";
@@ -87,7 +81,7 @@ toml::table parsed(const std::string& text, const fs::path& file) {
 std::string refined_calibration_text(const fs::path& file, const PersonRefinement& refinement, const RefinementOrigin& origin) {
   const std::vector<hal::CameraDescription> stored = read_cameras(file);  // says what is wrong with it
   const std::vector<double> late = read_time_offsets(file);
-  std::string text = read(file);
+  std::string text = read_file_bytes(file, kLargest);
   const toml::table root = parsed(text, file);
   const Places places(text);
   std::vector<Edit> edits;

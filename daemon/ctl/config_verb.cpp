@@ -1,10 +1,13 @@
 // boothctl config: the page of all keys, and a whole configuration out, in, and back to the defaults.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cerrno>
+#include <cstring>
 #include <iostream>
-#include <iterator>
 #include <memory>
+#include <stdexcept>
 
 #include "daemon/config/change.hpp"
 #include "daemon/ctl/control_client.hpp"
@@ -84,14 +87,24 @@ void carry_out(const ConfigPlan& plan, const Options& options) {
                      : "boothd does not run; it takes them when it starts\n");
 }
 
+/// All of it, or a byte more than is accepted. A stream takes a failure for the end, and half a configuration would be taken for the whole.
+std::string standard_input() {
+  std::string text(kMostBytes + 1, '\0');
+  std::size_t done = 0;
+  while (done < text.size()) {
+    const ssize_t n = ::read(STDIN_FILENO, text.data() + done, text.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) throw std::runtime_error(fmt::format("cannot read standard input: {}; nothing was changed", std::strerror(errno)));
+    if (n == 0) break;
+    done += static_cast<std::size_t>(n);
+  }
+  text.resize(done);
+  return text;
+}
+
 void import_config(const Options& options) {
   const bool from_input = options.file == "-";
-  std::string text;
-  if (from_input) {
-    for (std::istreambuf_iterator<char> it(std::cin), end; it != end && text.size() <= kMostBytes; ++it) text += *it;
-  } else {
-    text = read_file_bytes(options.file, kMostBytes);
-  }
+  const std::string text = from_input ? standard_input() : read_file_bytes(options.file, kMostBytes);
   carry_out(
       checked([&] { return import_plan({.file = options.config, .assignments = {}}, text, from_input ? "standard input" : options.file, options.import); }),
       options);

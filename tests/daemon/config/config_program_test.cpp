@@ -68,6 +68,14 @@ TEST_F(ConfigProgram, AWrongFileChangesNothing) {
   EXPECT_EQ(now().stage.radius, 1.5);
 }
 
+TEST_F(ConfigProgram, StandardInputThatFailsIsNotTakenForItsEnd) {
+  // Reading a folder fails, as reading a bad disk does.
+  tests::Program shell("/bin/sh", {"-c", "exec \"$0\" config import - --config \"$1\" < /", BOOTH_BINARY_DIR "/bin/boothctl", file.string()},
+                       folder.path / "shell");
+  EXPECT_EQ(shell.wait(), 1) << shell.output();
+  EXPECT_THAT(shell.err(), AllOf(HasSubstr("cannot read standard input"), HasSubstr("nothing was changed")));
+}
+
 TEST_F(ConfigProgram, TwoChangesWithinASecondKeepBothBackups) {
   const std::string out = (folder.path / "out.toml").string();
   ASSERT_EQ(config({"export", "--out", out, "--set", "stage.radius=2.5"}), 0) << output;

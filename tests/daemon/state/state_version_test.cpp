@@ -160,6 +160,11 @@ TEST(State, ACalibrationTwoVersionsAwayIsRefused) {
               HasSubstr("version must be a whole number"));
 }
 
+TEST(State, ACalibrationWhoseReadingFailsIsNamed) {
+  // A disk that fails says the same as this file of the kernel.
+  EXPECT_THAT(complaint([] { drivers::read_calibration("/proc/self/mem"); }), HasSubstr("/proc/self/mem: cannot be read to its end"));
+}
+
 // Sessions
 
 void lay_out(const TemporaryFolder& folder, const std::string& json, const std::string& csv) {
