@@ -42,6 +42,9 @@ void copy_value(const ConfigKey& key, const Config& from, Config& to) {
   std::visit([&write](auto* value) { *std::get<decltype(value)>(write) = *value; }, read);
 }
 
+/// The boothd before this one finds keys here that it does not know, and is told by this why: it passes over them instead of refusing to start.
+std::string version_line() { return fmt::format("version = {}\n", kConfigVersion); }
+
 /// The keys as TOML, table by table in the order of the reference page.
 std::string tables_text(const std::set<std::string, std::less<>>& names, const Config& config) {
   std::string out, table;
@@ -93,8 +96,7 @@ void write_texts(ConfigPlan& plan, const ConfigSources& beneath, const std::vect
   for (const ConfigKey& key : config_keys())
     if (format_config_value(key, plan.after.config) != format_config_value(key, base)) names.emplace(key.name);
   plan.after.named.assign(names.begin(), names.end());
-  // Who goes back to the version before this one finds keys that it does not know, and has to know why.
-  const std::string version = fmt::format("version = {}\n", kConfigVersion);
+  const std::string version = version_line();
   const std::string head = "# Written by `boothctl config`. Change it, or put keys into other files here: those that come later in the alphabet win.\n";
   plan.imported = names.empty() ? "" : head + version + tables_text(names, plan.after.config);
   const LoadedConfig file = load_settings(beneath);
@@ -130,9 +132,9 @@ std::string export_text(const LoadedConfig& settings, const std::string& softwar
   const std::set<std::string, std::less<>> names(settings.named.begin(), settings.named.end());
   return fmt::format(
              "# The configuration of booth {}: every key that was set, no defaults. `boothctl config import` takes it.\n"
-             "# It names files (calibration, credentials, keys); what is in them is not here.\n\n"
+             "# It names files (calibration, credentials, keys); what is in them is not here.\n{}\n"
              "[export]\nformat = {}\nsoftware = \"{}\"\nutc = \"{}\"\n",
-             value_of("booth.id", settings.config), kExportFormat, software, utc) +
+             value_of("booth.id", settings.config), version_line(), kExportFormat, software, utc) +
          tables_text(names, settings.config);
 }
 
@@ -145,6 +147,7 @@ ConfigPlan import_plan(const ConfigSources& now, const std::string& text, const 
     throw ConfigError(
         {fmt::format("{}: is no export of a boothd ([export] is missing); keys that you wrote yourself belong into {}.d", name, plan.file.string())});
   for (const auto& key : wanted.passed_over) plan.notes.push_back(fmt::format("{}: {} is not known to this version and is left out", name, key));
+  plan.notes.insert(plan.notes.end(), wanted.warnings.begin(), wanted.warnings.end());
   plan.after.config = wanted.config;
   for (const ConfigKey& key : config_keys()) {
     const bool given = lists(wanted.named, key.name);

@@ -107,8 +107,13 @@ struct Loader {
     const toml::table* t = node.as_table();
     const auto format = t == nullptr ? std::nullopt : (*t)["format"].value_exact<std::int64_t>();
     if (!format || *format < 1) return problem(place, "export", "must be the table that `boothctl config export` writes, with its format");
-    if (*format > kExportFormat)
-      problem(place, "export.format", fmt::format("is {}, and this version reads {}; export with an older boothd, or update this one", *format, kExportFormat));
+    const auto verdict = hal::judge_file_version(*format, kExportFormat);
+    if (verdict == hal::FileVersion::readable) return;
+    const std::string sentence = hal::file_version_complaint(*format, kExportFormat);
+    if (verdict == hal::FileVersion::newer)
+      warnings.push_back(fmt::format("{}: export.format: {}", place, sentence));
+    else
+      problem(place, "export.format", sentence);
   }
 
   void table(const std::string& prefix, const std::string& file, const toml::table& t) {

@@ -45,7 +45,7 @@ struct LoadedConfig {
   std::vector<std::string> warnings;     ///< of files of the next version: a sentence about the file, and one for each key that was passed over
 };
 
-/// The format of [export] tables that this version writes; it reads this one and those before it.
+/// The format of [export] tables that this version writes; it reads this one and its neighbours (hal/file_version.hpp), the next one with a warning.
 inline constexpr int kExportFormat = 1;
 
 /// Later sources win: defaults, systemd's directories, the file, FILE.d/*.toml in alphabetical order, `text`, assignments.

@@ -163,6 +163,23 @@ TEST(ConfigImport, WhatItWroteIsReadByTheVersionBefore) {
   EXPECT_FALSE(warnings.empty());
 }
 
+TEST(ConfigImport, TakesWhatTheNextVersionExportedAndSaysWhatItPassesOver) {
+  const Box box;
+  std::string text = export_text(load_settings(box.sources()), "9.0.0", "2026-11-28T12:00:00Z");
+  const auto raise = [&](const std::string& key, std::int64_t by) {
+    const auto at = text.find(key + std::to_string(by));
+    ASSERT_NE(at, std::string::npos) << text;
+    text.replace(at, key.size() + 1, key + std::to_string(by + 1));
+  };
+  raise("\nversion = ", kConfigVersion);
+  raise("\nformat = ", kExportFormat);
+  text += "a_key_of_tomorrow = 1\n";
+  const ConfigPlan plan = box.plan(text);
+  EXPECT_EQ(all_values(plan.after.config), all_values(box.config()));
+  EXPECT_THAT(plan.notes, AllOf(Contains(HasSubstr("is of version 2")), Contains(HasSubstr("export.format: is of version 2")),
+                                Contains(HasSubstr("a_key_of_tomorrow: is not a key of this version"))));
+}
+
 TEST(ConfigImport, TellsWhatChanges) {
   const Box box;
   const ConfigPlan plan =
@@ -178,7 +195,8 @@ TEST(ConfigImport, RefusesTheWholeForEveryMistakeInIt) {
   EXPECT_THAT(complaint([&] { box.plan("[fit]\nthreads = 2\n"); }), HasSubstr("[export] is missing"));
   EXPECT_THAT(complaint([&] { box.plan(""); }), HasSubstr("[export] is missing"));
   EXPECT_THAT(complaint([&] { box.plan("export = 1\n"); }), HasSubstr("must be the table"));
-  EXPECT_THAT(complaint([&] { box.plan("[export]\nformat = 2\n"); }), HasSubstr("update this one"));
+  EXPECT_THAT(complaint([&] { box.plan("[export]\nformat = 3\n"); }), HasSubstr("x.toml:1: export.format: is of version 3"));
+  EXPECT_THAT(complaint([&] { box.plan("[export]\nformat = 0\n"); }), HasSubstr("must be the table"));
   EXPECT_THAT(complaint([&] { box.plan("[export\n"); }), HasSubstr("not TOML"));
   EXPECT_THAT(complaint([&] { box.plan(std::string(kHead) + "[cameras]\ndriver = \"recording\"\n"); }), HasSubstr("cameras.recording.path"))
       << "values that do not go together";
