@@ -310,7 +310,6 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     listener = stage(kUnavailable, [&] { return listen_unix(config.control.socket); });
     socket_file.emplace(config.control.socket);
   }
-  const UniqueFd sessions = check_only ? UniqueFd() : only_one_with(config.session.directory);
   stage(kConfiguration, [&] { check_panel(config); });
   const std::optional<Credentials> credentials = open_credentials(config, check_only);
   const auto seal_to = stage(kConfiguration, [&] { return recipient(config); });
@@ -336,6 +335,7 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     print_plan(plan);
     return kStopped;
   }
+  const UniqueFd sessions = only_one_with(config.session.directory);
   for (const auto& line : recover_recordings(config)) log_line(LogLevel::warning, line);
   const auto recorder = open_recorder(config, source, seal_to ? seal_files(*seal_to) : hal::SealFiles{});
   InfraredTap infrared;

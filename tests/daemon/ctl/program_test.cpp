@@ -98,6 +98,26 @@ TEST_F(ProgramTest, ExitStatuses) {
   EXPECT_EQ(run("boothctl", {"track", "/nonexistent"}), 1);
 }
 
+TEST_F(ProgramTest, OneFolderOfSessionsHasOneBoothd) {
+  Program first("boothd", daemon_arguments(), folder.path / "first");
+  ASSERT_TRUE(is_ready()) << first.err();
+  ASSERT_TRUE(ask("start")["ok"].get<bool>());
+  ASSERT_TRUE(eventually([&] { return ask("status")["frames"] > 5; }, 60s));
+  auto second = daemon_arguments();
+  second.insert(second.end(), {"--set", "control.socket=" + (folder.path / "other.sock").string()});
+  EXPECT_EQ(run("boothd", second), 69) << "it would close the first one's session";
+  EXPECT_THAT(output, HasSubstr("another boothd writes its sessions there"));
+  EXPECT_EQ(run("boothctl", {"stop", "--wait", "--socket", socket}), 0) << output;
+  // What was not saved is no success.
+  ASSERT_TRUE(ask("start")["ok"].get<bool>());
+  ASSERT_TRUE(eventually([&] { return ask("status")["frames"] > 5; }, 60s));
+  std::filesystem::remove_all(sessions);
+  EXPECT_EQ(run("boothctl", {"stop", "--wait", "--socket", socket}), 1) << output;
+  EXPECT_THAT(output, HasSubstr("is not saved"));
+  first.signal(SIGTERM);
+  EXPECT_EQ(first.wait(), 0);
+}
+
 TEST_F(ProgramTest, DoctorKnowsWhatBoothdCannotStartWithout) {
   EXPECT_EQ(run("boothctl", {"doctor", "--set", "models.directory=/nonexistent"}), 1);
   EXPECT_THAT(output, HasSubstr("no body models"));
