@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <map>
 #include <optional>
 #include <stdexcept>
 
@@ -54,46 +55,49 @@ std::string text_of(sqlite3_stmt* s, int column) {
 
 [[noreturn]] void damaged(const Database& db, const fs::path& file) { throw std::runtime_error(file.string() + ": " + sqlite3_errmsg(db.get())); }
 
-/// By the index, which is quick; where that is damaged it is made anew, since no message is lost with it. Throws where the messages themselves are.
-std::int64_t count_messages(const Database& db, const fs::path& file) {
-  const auto count = [&](std::int64_t& out) {
-    const Statement all = prepare(db, file, "SELECT COUNT(*) FROM messages");
-    if (sqlite3_step(all.get()) != SQLITE_ROW) return false;
-    out = sqlite3_column_int64(all.get(), 0);
-    return true;
-  };
-  std::int64_t messages = 0;
-  if (count(messages)) return messages;
-  if (sqlite3_exec(db.get(), "REINDEX", nullptr, nullptr, nullptr) != SQLITE_OK || !count(messages)) damaged(db, file);
-  return messages;
+struct Content {
+  std::int64_t messages = 0, first = 0, last = 0;  ///< nanoseconds
+  std::map<std::int64_t, std::int64_t> of_topic;   ///< messages
+};
+
+/// From the messages themselves: an index that is damaged costs none of them. Throws where they are, so that nobody takes what cannot be read for nothing.
+Content content_of(const Database& db, const fs::path& file) {
+  Content out;
+  const std::int64_t most = bytes_of(db, file) / kLeastRow;
+  const Statement all = prepare(db, file, "SELECT topic_id, timestamp FROM messages NOT INDEXED");
+  int rc;
+  while ((rc = sqlite3_step(all.get())) == SQLITE_ROW) {
+    if (++out.messages > most) throw std::runtime_error(file.string() + ": names more messages than it has room for, and is damaged");
+    const std::int64_t time = sqlite3_column_int64(all.get(), 1);
+    out.first = out.messages == 1 ? time : std::min(out.first, time);
+    out.last = out.messages == 1 ? time : std::max(out.last, time);
+    ++out.of_topic[sqlite3_column_int64(all.get(), 0)];
+  }
+  if (rc != SQLITE_DONE) damaged(db, file);
+  return out;
 }
 
-/// What the file holds, as ROS wants it told. Returns the number of messages.
-std::int64_t write_metadata(const Database& db, const fs::path& file, const fs::path& folder) {
-  std::int64_t total = 0, first = 0, last = 0;
-  const Statement all = prepare(db, file, "SELECT COUNT(*), COALESCE(MIN(timestamp), 0), COALESCE(MAX(timestamp), 0) FROM messages");
-  if (sqlite3_step(all.get()) != SQLITE_ROW) damaged(db, file);
-  total = sqlite3_column_int64(all.get(), 0);
-  first = sqlite3_column_int64(all.get(), 1);
-  last = sqlite3_column_int64(all.get(), 2);
+/// What the file holds, as ROS wants it told.
+void write_metadata(const Database& db, const fs::path& file, const fs::path& folder, const Content& content) {
+  const std::int64_t total = content.messages, first = content.first, last = content.last;
   const std::string name = file.filename().string();
   std::ofstream out(folder / "metadata.yaml");
   out << "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n  duration:\n    nanoseconds: " << last - first
       << "\n  starting_time:\n    nanoseconds_since_epoch: " << first << "\n  message_count: " << total << "\n  topics_with_message_count:\n";
-  const Statement topics =
-      prepare(db, file, "SELECT name, type, offered_qos_profiles, (SELECT COUNT(*) FROM messages WHERE topic_id = topics.id) FROM topics ORDER BY id");
+  const Statement topics = prepare(db, file, "SELECT name, type, offered_qos_profiles, id FROM topics ORDER BY id");
   int rc;
-  while ((rc = sqlite3_step(topics.get())) == SQLITE_ROW)
+  while ((rc = sqlite3_step(topics.get())) == SQLITE_ROW) {
+    const auto counted = content.of_topic.find(sqlite3_column_int64(topics.get(), 3));
     out << "    - topic_metadata:\n        name: " << text_of(topics.get(), 0) << "\n        type: " << text_of(topics.get(), 1)
         << "\n        serialization_format: cdr\n        offered_qos_profiles: " << yaml_quoted(text_of(topics.get(), 2))
-        << "\n      message_count: " << sqlite3_column_int64(topics.get(), 3) << "\n";
+        << "\n      message_count: " << (counted == content.of_topic.end() ? 0 : counted->second) << "\n";
+  }
   if (rc != SQLITE_DONE) damaged(db, file);
   out << "  compression_format: \"\"\n  compression_mode: \"\"\n  relative_file_paths:\n    - " << name << "\n  files:\n    - path: " << name
       << "\n      starting_time:\n        nanoseconds_since_epoch: " << first << "\n      duration:\n        nanoseconds: " << last - first
       << "\n      message_count: " << total << "\n";
   out.close();
   if (!out) throw std::runtime_error("cannot write " + (folder / "metadata.yaml").string() + "; check the disk's space");
-  return total;
 }
 
 }  // namespace
@@ -175,7 +179,7 @@ void BagFile::close() {
   fs::remove(folder() / kReserve, ignored);
   execute("COMMIT");
   insert_.reset();
-  write_metadata(db_, file_, folder());
+  write_metadata(db_, file_, folder(), content_of(db_, file_));
   execute("PRAGMA journal_mode=DELETE");
   db_.reset();
   staging_.publish();
@@ -189,19 +193,18 @@ std::string recover_bag(const fs::path& partial) noexcept {
     const fs::path file = partial / (name + "_0.db3");
     std::int64_t messages = 0;
     if (fs::exists(file)) {
-      const Database db = open_database(file, SQLITE_OPEN_READWRITE);
-      distrust(db);
-      messages = count_messages(db, file);  // an open for writing rolls back what was torn
+      const Database db = open_database(file, SQLITE_OPEN_READWRITE);  // which rolls back what was torn
+      distrust(db, file);
+      const Content content = content_of(db, file);
+      messages = content.messages;
+      if (messages > 0) {
+        write_metadata(db, file, partial, content);
+        sqlite3_exec(db.get(), "PRAGMA journal_mode=DELETE", nullptr, nullptr, nullptr);
+      }
     }
     if (messages == 0) {
       fs::remove_all(partial);
       return "recording " + name + " was interrupted before anything was in it; it was removed";
-    }
-    {
-      const Database db = open_database(file, SQLITE_OPEN_READWRITE);
-      distrust(db);
-      write_metadata(db, file, partial);
-      sqlite3_exec(db.get(), "PRAGMA journal_mode=DELETE", nullptr, nullptr, nullptr);
     }
     std::ofstream(partial / "interrupted.txt") << "The process that made this recording ended before the recording did; what it had written is here.\n";
     fs::path target = partial.parent_path() / name;

@@ -17,7 +17,7 @@ namespace booth::drivers {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::size_t kMaxFrames = 10'000'000, kMaxCameras = 64, kMaxBackground = 1000;
+constexpr std::size_t kMaxFrames = 10'000'000, kMaxTopics = 10'000, kMaxCameras = 64, kMaxBackground = 1000;
 constexpr std::size_t kMaxMessage = 96u << 20;  // bytes; the largest picture allowed has 64 MiB
 
 [[noreturn]] void fail(const fs::path& file, const std::string& what) { throw std::runtime_error(file.string() + ": " + what); }
@@ -57,6 +57,7 @@ Metadata read_metadata(const fs::path& folder) {
     if (key == "compression_mode") mode = value;
     if (key == "storage_identifier") storage = value;
   }
+  if (in.bad()) fail(path, "cannot be read to its end: the disk may be damaged");
   if (storage != "sqlite3") fail(path, "the storage is '" + storage + "'; only sqlite3 is read, convert the bag with 'ros2 bag convert'");
   if (m.files.empty()) fail(path, "names no files under relative_file_paths");
   std::transform(mode.begin(), mode.end(), mode.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
@@ -99,7 +100,7 @@ struct Bag {
 Bag open_bag(const fs::path& path) {
   Bag bag{path, open_database(path, SQLITE_OPEN_READONLY)};
   sqlite3_limit(bag.db.get(), SQLITE_LIMIT_LENGTH, static_cast<int>(kMaxMessage));
-  distrust(bag.db);
+  distrust(bag.db, path);
   return bag;
 }
 
@@ -190,19 +191,24 @@ class Contents {
     };
     const Statement select_topics = prepare(bags_[file].db, files_[file], "SELECT id, name, type FROM topics ORDER BY id");
     int rc;
+    std::size_t rows = 0;
     while ((rc = sqlite3_step(select_topics.get())) == SQLITE_ROW) {
+      if (++rows > kMaxTopics) fail(files_[file], "has more than " + std::to_string(kMaxTopics) + " topics");
       const std::string name = text(select_topics.get(), 1), type = text(select_topics.get(), 2);
       const Topic* known = find(name);
       const std::size_t index = known != nullptr ? static_cast<std::size_t>(known - topics_.data()) : topics_.size();
       if (known == nullptr) topics_.push_back({name, type, {}});
-      if (topics_.size() > 100'000) fail(files_[file], "has more than 100000 topics");
       by_id[sqlite3_column_int64(select_topics.get(), 0)] = index;
     }
     done(rc, file);
     // The stamp of the message itself stands in its first 12 bytes; the time of the bag is when the recorder heard it.
-    const Statement select = prepare(bags_[file].db, files_[file], "SELECT id, topic_id, timestamp, substr(data, 1, 12) FROM messages");
+    const Statement select = prepare(bags_[file].db, files_[file], "SELECT id, topic_id, timestamp, substr(data, 1, 12), length(data) FROM messages");
+    const std::int64_t most = bytes_of(bags_[file].db, files_[file]);
+    std::int64_t bytes = 0;
     std::size_t count = 0;
     while ((rc = sqlite3_step(select.get())) == SQLITE_ROW) {
+      bytes += kLeastRow + sqlite3_column_int64(select.get(), 4);
+      if (bytes > most) fail(files_[file], "names more messages than it has room for; the bag is damaged, try 'ros2 bag reindex'");
       if (++count > kMaxFrames) fail(files_[file], "has more than " + std::to_string(kMaxFrames) + " messages");
       const auto topic = by_id.find(sqlite3_column_int64(select.get(), 1));
       if (topic == by_id.end()) continue;

@@ -332,7 +332,18 @@ TEST(Recovery, RemovesWhatIsEmptyAndSaysWhatIsBroken) {
   EXPECT_FALSE(fs::exists(scratch.path() / "a.partial-123456"));
 }
 
-TEST(Recovery, ABadPageOfTheIndexCostsNoMessage) {
+/// The pages of the index over time, its root first.
+std::vector<std::int64_t> index_pages(const fs::path& file) {
+  const Database db = open_database(file, SQLITE_OPEN_READONLY);
+  std::vector<std::int64_t> out{number_of(db, file, "SELECT rootpage FROM sqlite_master WHERE name = 'timestamp_idx'")};
+  std::ifstream in(file, std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(in), {}};
+  for (std::size_t page = 1; 4096 * page < bytes.size(); ++page)
+    if (bytes[4096 * page] == 0x0a) out.push_back(static_cast<std::int64_t>(page) + 1);  // a leaf of an index, and there is one index
+  return out;
+}
+
+void bad_index(std::size_t which, char with) {
   const tests::ScratchFolder scratch;
   const fs::path partial = scratch.path() / "c.partial-123456", file = partial / "c_0.db3";
   {
@@ -344,19 +355,22 @@ TEST(Recovery, ABadPageOfTheIndexCostsNoMessage) {
   }
   fs::rename(scratch.path() / "c", partial);
   fs::remove(partial / "metadata.yaml");
+  const auto pages = index_pages(file);
+  ASSERT_GT(pages.size(), 5u);
   {
-    const Database db = open_database(file, SQLITE_OPEN_READONLY);
-    const Statement root = prepare(db, file, "SELECT rootpage FROM sqlite_master WHERE name = 'timestamp_idx'");
-    ASSERT_EQ(sqlite3_step(root.get()), SQLITE_ROW);
-    const auto page = sqlite3_column_int64(root.get(), 0);
     std::fstream bytes(file, std::ios::in | std::ios::out | std::ios::binary);
-    bytes.seekp((page - 1) * 4096);
-    bytes << std::string(4096, '\0');
+    bytes.seekp((pages[which] - 1) * 4096);
+    bytes << std::string(4096, with);
   }
   const auto said = recover_bags(scratch.path());
   ASSERT_EQ(said.size(), 1u);
   EXPECT_THAT(said[0], HasSubstr("3000 messages of it were saved"));
   EXPECT_TRUE(fs::exists(scratch.path() / "c" / "metadata.yaml"));
+}
+
+TEST(Recovery, ABadPageOfTheIndexCostsNoMessage) {
+  for (const std::size_t which : {0u, 4u})
+    for (const char with : {'\0', '\xff'}) bad_index(which, with);
 }
 
 TEST(Recovery, WhatCannotBeCountedIsNotEmpty) {
