@@ -165,7 +165,8 @@ NpzArray parse_npy(std::string_view npy, std::uint64_t& texts_left) {
   if (wide || narrow) std::from_chars(descr.data() + 2, descr.data() + descr.size(), width);
   if ((!wide && !narrow) || width > 65536) throw Malformed("has type " + std::string(descr) + "; allowed are f2, f4, f8, i4, i8, u1 (little-endian) and text");
   const std::size_t step = width * (wide ? 4 : 1);
-  // In memory a text takes more room than in the file, where it may take none.
+  // In memory a text takes more room than in the file, where it would take none.
+  if (width == 0 && count > 1) throw Malformed("states " + std::to_string(count) + " texts of no letters");
   if (count > texts_left) throw Malformed("states " + std::to_string(count) + " texts; at most " + std::to_string(kMostTexts) + " are read of an archive");
   texts_left -= count;
   if (data.size() != count * step) throw Malformed("holds a different number of bytes than its shape needs");
