@@ -6,11 +6,11 @@
 
 namespace booth::daemon {
 
-/// Oldest first, by when they were written and then by name. One from a time that has yet to come was written while the clock was ahead, and is older than all
-/// that were not: else it would be the newest for years.
+/// Oldest first, by the time that the file itself has and then by name.
 void sort_backups(std::vector<std::filesystem::path>& backups);
 
-/// Deletes all but the newest `most`, `just_written` always among them. What cannot be deleted stays.
+/// Deletes all but the newest `most`, `just_written` always among them: it becomes the newest, with a time behind the others' where the clock gave it none, so
+/// that a clock that was ahead does not win for years. What cannot be deleted stays.
 void keep_newest_backups(std::vector<std::filesystem::path> backups, const std::filesystem::path& just_written, std::size_t most);
 
 }  // namespace booth::daemon

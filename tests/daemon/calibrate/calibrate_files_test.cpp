@@ -185,6 +185,23 @@ TEST(CalibrationStore, TheLastThatWasReplacedIsTheNewestWhateverItsDate) {
   EXPECT_TRUE(fs::exists(scratch.path / "calibration.before-19990101T090000Z.toml")) << "the one before is kept, whatever its date";
 }
 
+TEST(CalibrationStore, AClockThatWentBackLeavesTheOrder) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  CalibrationRecord r = record();
+  r.utc = "2026-11-01T09:00:00Z", store_calibration(file, r);
+  r.utc = "2026-10-01T09:00:00Z", store_calibration(file, r);
+  for (const auto ahead : {std::chrono::seconds(30), std::chrono::seconds(300'000'000)}) {
+    // All that is kept is from a time that has yet to come.
+    for (const auto& entry : fs::directory_iterator(scratch.path))
+      if (entry.path().filename().string().starts_with("calibration.before-")) fs::last_write_time(entry.path(), fs::file_time_type::clock::now() + ahead);
+    const std::string month = ahead < std::chrono::hours(1) ? "09" : "08";
+    r.utc = "2026-" + month + "-01T09:00:00Z", store_calibration(file, r);
+    r.utc = "2026-" + month + "-02T09:00:00Z", store_calibration(file, r);
+    EXPECT_EQ(restore_calibration(file).filename(), "calibration.before-2026" + month + "01T090000Z.toml");
+  }
+}
+
 TEST(CalibrationStore, WhatIsDamagedAndHasNoTimeIsKeptUnderTheTimeOfItsFile) {
   const Scratch scratch;
   const fs::path file = scratch.path / "calibration.toml";
