@@ -387,7 +387,10 @@ std::vector<std::string> close_interrupted_sessions(const fs::path& directory, c
     try {
       std::string damage;
       frames = read_session_log(folder, nullptr, &damage);
-      if (!damage.empty()) log_problem = "; " + damage;
+      if (!damage.empty()) {
+        log_problem = "; " + damage;
+        keep_damaged_log(folder, log_problem);
+      }
     } catch (const OtherLogVersion& e) {
       said.push_back(fmt::format("session {} was interrupted and is left as it is: {}", info.id, e.what()));
       continue;

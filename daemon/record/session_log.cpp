@@ -230,7 +230,7 @@ std::vector<FrameRecord> read_session_log(const std::filesystem::path& folder, c
     return false;
   };
   auto out = read_records(path, read, complaint);
-  // A disk with a bad sector: what came before it is good, and what comes after it is out of reach for good.
+  // A disk with a bad sector: what came before it is good.
   if (complaint && failed != 0) *complaint = fmt::format("{}: can be read no further than frame {}: {}", path.string(), out.size(), std::strerror(failed));
   return out;
 }

@@ -15,7 +15,7 @@
 
 namespace booth::daemon {
 
-/// Name of the raw log inside a session folder that has not been finished, and of one of which nothing could be made.
+/// Name of the raw log inside a session folder that has not been finished, and of one that was damaged, once what can be read of it is saved.
 inline constexpr const char* kFrameLogName = ".frames.part";
 inline constexpr const char* kDamagedLogName = "frames.damaged";
 /// The same of a sealed session, without ".sealed". It stays where boothd could not finish the session, because only the key's holder can.

@@ -143,6 +143,7 @@ TEST(SessionFiles, ARottenFrameSpoilsNeitherTheOthersNorTheStart) {
     ASSERT_EQ(said.size(), 1u);
     EXPECT_THAT(said[0], HasSubstr("29 frames of it were saved")) << k;
     EXPECT_THAT(said[0], HasSubstr("1 of its 30 frames are damaged")) << k;
+    EXPECT_TRUE(std::filesystem::exists(session / kDamagedLogName)) << "what was left out may be read by a person; " << k;
     const SessionContents read = read_session(session);
     EXPECT_EQ(read.frames.size(), kFrames - 1) << k;
     EXPECT_EQ(read.result, "interrupted");
@@ -369,6 +370,7 @@ TEST(SessionFiles, ALogWhoseHeadIsRottenIsReadAllTheSame) {
     ASSERT_EQ(said.size(), 1u);
     EXPECT_THAT(said[0], HasSubstr("30 frames of it were saved")) << at;
     EXPECT_THAT(said[0], HasSubstr("its head is damaged")) << at;
+    EXPECT_TRUE(std::filesystem::exists(session / kDamagedLogName)) << at;
   }
 }
 
