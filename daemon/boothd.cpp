@@ -445,13 +445,16 @@ int run(int argc, char** argv) {
     if (check_only) print_config(config, std::cout);
     return serve(config, signals, check_only);
   } catch (const ConfigError& e) {
-    for (const auto& problem : e.problems()) log_message(LogLevel::error, e.only_device_absent ? Message::start_failed : Message::configuration_wrong, problem);
+    // Taken in order: where the last has arrived, all have.
+    for (const auto& problem : e.problems())
+      (&problem == &e.problems().back() ? log_last_message : log_message)(LogLevel::error,
+                                                                          e.only_device_absent ? Message::start_failed : Message::configuration_wrong, problem);
     return e.only_device_absent ? end_unavailable(sources, signals) : kConfiguration;
   } catch (const StartFailure& e) {
-    log_message(LogLevel::error, e.status == kConfiguration ? Message::configuration_wrong : Message::start_failed, e.what());
+    log_last_message(LogLevel::error, e.status == kConfiguration ? Message::configuration_wrong : Message::start_failed, e.what());
     return e.status == kUnavailable ? end_unavailable(sources, signals) : e.status;
   } catch (const std::exception& e) {
-    log_message(LogLevel::error, Message::internal_fault, e.what());
+    log_last_message(LogLevel::error, Message::internal_fault, e.what());
     return kInternal;
   }
 }

@@ -2,16 +2,20 @@
 #include "daemon/health/log.hpp"
 
 #include <errno.h>
+#include <linux/sockios.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
 
 #include <atomic>
+#include <chrono>
 #include <cstdlib>
 #include <cstring>
 #include <mutex>
 #include <string>
+#include <thread>
 
 #include "daemon/health/messages.hpp"
 
@@ -45,8 +49,19 @@ std::string plain(std::string_view text) {
   return out;
 }
 
+/// Until the receiver has taken what was sent here, two seconds at most; and a moment more, in which it looks who the sender is.
+void wait_until_taken(int fd) {
+  using namespace std::chrono_literals;
+  const auto until = std::chrono::steady_clock::now() + 2s;
+  int bytes = 0;
+  while (::ioctl(fd, SIOCOUTQ, &bytes) == 0 && bytes > 0 && std::chrono::steady_clock::now() < until) std::this_thread::sleep_for(5ms);
+  std::this_thread::sleep_for(20ms);
+}
+
+enum class Then { go_on, wait };
+
 /// False when nobody took it. A socket for each: messages are rare, and one that was opened before journald was restarted would be of no use.
-bool send_datagram(const std::string& path, const std::string& bytes) {
+bool send_datagram(const std::string& path, const std::string& bytes, Then then) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   if (path.empty() || path.size() >= sizeof address.sun_path) return false;
@@ -54,8 +69,25 @@ bool send_datagram(const std::string& path, const std::string& bytes) {
   const int fd = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (fd < 0) return false;
   const auto sent = ::sendto(fd, bytes.data(), bytes.size(), MSG_DONTWAIT | MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&address), sizeof address);
+  const bool whole = sent == static_cast<ssize_t>(bytes.size());
+  if (whole && then == Then::wait) wait_until_taken(fd);
   ::close(fd);
-  return sent == static_cast<ssize_t>(bytes.size());
+  return whole;
+}
+
+void log_with_id(LogLevel level, Message message, std::string_view text, Then then) {
+  if (level > g_level.load()) return;
+  std::string socket;
+  {
+    const std::lock_guard lock(journal().mutex);
+    socket = journal().socket;
+  }
+  if (!socket.empty() && send_datagram(socket,
+                                       "MESSAGE=" + plain(text) + "\nMESSAGE_ID=" + std::string(entry_of(message).id) + "\nPRIORITY=" +
+                                           std::to_string(static_cast<int>(level)) + "\nSYSLOG_IDENTIFIER=" + program_invocation_short_name + "\n",
+                                       then))
+    return;
+  log_line(level, text);
 }
 
 }  // namespace
@@ -78,18 +110,9 @@ void log_line(LogLevel level, std::string_view text) {
   if (::write(STDERR_FILENO, line.data(), line.size()) < 0) return;  // nowhere left to complain
 }
 
-void log_message(LogLevel level, Message message, std::string_view text) {
-  if (level > g_level.load()) return;
-  std::string socket;
-  {
-    const std::lock_guard lock(journal().mutex);
-    socket = journal().socket;
-  }
-  if (!socket.empty() && send_datagram(socket, "MESSAGE=" + plain(text) + "\nMESSAGE_ID=" + std::string(entry_of(message).id) + "\nPRIORITY=" +
-                                                   std::to_string(static_cast<int>(level)) + "\nSYSLOG_IDENTIFIER=" + program_invocation_short_name + "\n"))
-    return;
-  log_line(level, text);
-}
+void log_message(LogLevel level, Message message, std::string_view text) { log_with_id(level, message, text, Then::go_on); }
+
+void log_last_message(LogLevel level, Message message, std::string_view text) { log_with_id(level, message, text, Then::wait); }
 
 void set_journal(const std::filesystem::path& socket) {
   const std::lock_guard lock(journal().mutex);

@@ -46,6 +46,10 @@ const MessageEntry& entry_of(Message message);
 /// not take it, the line goes to stderr. Thread-safe.
 void log_message(LogLevel level, Message message, std::string_view text);
 
+/// As log_message(), for what is said right before the process ends: returns when the journal has taken it, after two seconds at the latest. journald learns
+/// from the living process to which unit a message belongs; of one that has ended already `journalctl -u boothd` would not show it. Never in the frame loop.
+void log_last_message(LogLevel level, Message message, std::string_view text);
+
 /// From now on log_message() sends to this socket; empty: to stderr only. Without it /run/systemd/journal/socket where systemd's JOURNAL_STREAM names stderr.
 void set_journal(const std::filesystem::path& socket);
 

@@ -47,9 +47,10 @@ constexpr const char* kAllowed[] = {
     // about itself
     "getuid", "geteuid", "getgid", "getegid", "getrandom", "getrusage", "getrlimit", "prlimit64", "sysinfo", "uname"};
 
-// ioctl() by its kind (asm-generic/ioctl.h: bits 8 to 15): usbfs 'U', GPIO 0xB4, interfaces of the network 0x89, this guard's own '!'; and three of terminals.
+// ioctl() by its kind (asm-generic/ioctl.h: bits 8 to 15): usbfs 'U', GPIO 0xB4, interfaces of the network 0x89, this guard's own '!'; three of terminals, and
+// whether what was sent has been taken.
 constexpr std::uint64_t kIoctlKinds[] = {0x55, 0xB4, 0x89, 0x21};
-constexpr std::uint64_t kIoctls[] = {0x5401 /* TCGETS */, 0x541B /* FIONREAD */, 0x5421 /* FIONBIO */};
+constexpr std::uint64_t kIoctls[] = {0x5401 /* TCGETS */, 0x541B /* FIONREAD */, 0x5421 /* FIONBIO */, 0x5411 /* SIOCOUTQ */};
 
 [[noreturn]] void fail(const std::string& what, int error) {
   throw std::runtime_error("the list of system calls cannot be made narrower: " + what + ": " + std::generic_category().message(error));

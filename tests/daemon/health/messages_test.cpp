@@ -6,8 +6,11 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <atomic>
+#include <chrono>
 #include <cstring>
 #include <set>
+#include <thread>
 
 #include "daemon/health/messages.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
@@ -69,6 +72,27 @@ TEST(Messages, NoTextForgesAField) {
   const PlantedJournal journal;
   log_message(LogLevel::error, Message::camera_lost, "a\nPRIORITY=7\nMESSAGE_ID=0");
   EXPECT_THAT(journal.next(), HasSubstr("MESSAGE=a PRIORITY=7 MESSAGE_ID=0\n"));
+}
+
+TEST(Messages, TheLastOneIsTakenBeforeTheProcessEnds) {
+  const PlantedJournal journal;
+  std::atomic<bool> looked = false;
+  std::string came;
+  std::jthread slow([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    looked = true;
+    came = journal.next();
+  });
+  log_last_message(LogLevel::error, Message::configuration_wrong, "boothd.toml:1: booth.id");
+  EXPECT_TRUE(looked);
+  slow.join();
+  EXPECT_THAT(came, HasSubstr("MESSAGE=boothd.toml:1: booth.id\n"));
+}
+
+TEST(Messages, NobodyWaitsForAJournalThatHangs) {
+  const PlantedJournal journal;
+  log_last_message(LogLevel::error, Message::internal_fault, "nobody reads this in time");
+  EXPECT_THAT(journal.next(), HasSubstr("nobody reads this in time"));
 }
 
 TEST(Messages, GoToStderrWhereNoJournalTakesThem) {
