@@ -1,5 +1,6 @@
 // Options of `boothctl fit`, and the way from files to files.
 #include "daemon/ctl/fit_verb.hpp"
+#include "daemon/ctl/seed_option.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -164,7 +165,7 @@ void add_fit_verb(CLI::App& boothctl) {
   verb->add_option("--init", options->initial, "JSON with the 36 entries of q to begin with");
   verb->add_option("--units", options->units, "Units of the files")->check(CLI::IsMember({"m", "cm", "mm", "auto"}))->capture_default_str();
   verb->add_option("--up", options->up, "Axis of the files that points up")->check(CLI::IsMember({"z", "y"}))->capture_default_str();
-  verb->add_option("--seed", options->seed, "Of the random numbers: the same seed gives the same result")->capture_default_str();
+  add_seed_option(*verb, options->seed, "Of the random numbers: the same seed gives the same result");
   verb->add_option("--threads", options->threads, "Workers; the result does not depend on them")->check(CLI::Range(1, 256))->capture_default_str();
   verb->add_option("--out", options->out, "Folder for fit.json, body.ply and body.glb")->capture_default_str();
   verb->add_option("--models", options->models, "Folder of the body models");

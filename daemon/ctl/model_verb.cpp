@@ -1,5 +1,7 @@
 // Files in, fit::train in the middle, files and a table of figures out.
 #include "daemon/ctl/model_verb.hpp"
+#include "daemon/ctl/seed_option.hpp"
+#include "daemon/ctl/verbs.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -230,22 +232,30 @@ void add_model_verbs(CLI::App& app) {
 
   auto shape = std::make_shared<TrainShapeOptions>();
   auto* train_shape = model->add_subcommand("train-shape", "Make men.npz, women.npz and test_bodies.npz");
-  train_shape->add_option("--makehuman", shape->makehuman, "Folder with base.obj, targets/ and rigs/ (CC0)")->required()->check(CLI::ExistingDirectory);
-  train_shape->add_option("--ansur", shape->ansur, "Folder with the ANSUR II tables")->required()->check(CLI::ExistingDirectory);
+  auto data = std::make_shared<std::filesystem::path>();
+  auto* both = train_shape->add_option("DIR", *data, "Folder that holds both: makehuman-cc0/ and ansur2/")->check(CLI::ExistingDirectory);
+  train_shape->add_option("--makehuman", shape->makehuman, "Folder with base.obj, targets/ and rigs/ (CC0), in place of DIR's")->check(CLI::ExistingDirectory);
+  train_shape->add_option("--ansur", shape->ansur, "Folder with the ANSUR II tables, in place of DIR's")->check(CLI::ExistingDirectory);
   train_shape->add_option("--out", shape->out, "Folder for the models")->required()->check(CLI::ExistingDirectory);
   train_shape->add_option("--held-out", shape->held_out, "List of bodies set aside (default: held_out_bodies.csv in --out)");
   train_shape->add_option("--men", shape->men, "Men in the database")->capture_default_str()->check(CLI::Range(32, 100000));
   train_shape->add_option("--women", shape->women, "Women in the database")->capture_default_str()->check(CLI::Range(32, 100000));
-  train_shape->add_option("--seed", shape->seed, "Seed of the random sliders")->capture_default_str();
+  add_seed_option(*train_shape, shape->seed, "Seed of the random sliders");
   train_shape->add_option("--threads", shape->threads, "Worker threads; the result does not depend on it")->capture_default_str()->check(CLI::Range(1, 64));
-  train_shape->callback([shape] { run_model_train_shape(*shape, std::cout); });
+  train_shape->callback([shape, data, both] {
+    if (both->count() == 0 && (shape->makehuman.empty() || shape->ansur.empty()))
+      throw VerbFailure("model train-shape: where are the data? DIR (with makehuman-cc0/ and ansur2/), or --makehuman and --ansur", 64);
+    if (shape->makehuman.empty()) shape->makehuman = *data / "makehuman-cc0";
+    if (shape->ansur.empty()) shape->ansur = *data / "ansur2";
+    run_model_train_shape(*shape, std::cout);
+  });
 
   auto pose = std::make_shared<TrainPoseOptions>();
   auto* train_pose = model->add_subcommand("train-pose", "Make pose.npz from joint-angle sequences");
   train_pose->add_option("DIR", pose->motions, "Folder with train/q.npy and train/clips.csv")->required()->check(CLI::ExistingDirectory);
   train_pose->add_option("--out", pose->out, "File to write")->required();
   train_pose->add_option("--held-out", pose->held_out, "List of motions set aside (default: held_out_motions.csv beside --out)");
-  train_pose->add_option("--seed", pose->seed, "Seed of the clustering")->capture_default_str();
+  add_seed_option(*train_pose, pose->seed, "Seed of the clustering");
   train_pose->callback([pose] { run_model_train_pose(*pose, std::cout); });
 
   auto about = std::make_shared<ModelInfoOptions>();

@@ -71,6 +71,22 @@ TEST_F(ProgramTest, WhatIsMissingIsWaitedForWhereSomebodyStartsItAgain) {
   EXPECT_EQ(boothd.wait(), 0) << "told to stop, it has not failed";
 }
 
+TEST_F(ProgramTest, SeedsAreWhatReadersOfJsonCanHold) {
+  const std::string here = folder.path.string();
+  for (const std::vector<std::string>& verb : {std::vector<std::string>{"fit", "/dev/null"},
+                                               {"track", here},
+                                               {"simulate", "--out", here + "/new"},
+                                               {"calibrate", "--simulate", here + "/new"},
+                                               {"model", "train-shape", here, "--out", here},
+                                               {"model", "train-pose", here, "--out", here + "/pose.npz"}})
+    for (const char* seed : {"-1", "9000000000000001", "1.5", "18446744073709551616", "many"}) {
+      std::vector<std::string> arguments = verb;
+      arguments.insert(arguments.end(), {"--seed", seed});
+      EXPECT_EQ(run("boothctl", arguments), 64) << verb[0] << " " << seed;
+      EXPECT_THAT(output, HasSubstr("is not a whole number from 0 to 9000000000000000")) << verb[0] << " " << seed;
+    }
+}
+
 TEST_F(ProgramTest, ExitStatuses) {
   EXPECT_EQ(run("boothd", {"--version"}), 0);
   EXPECT_THAT(output, HasSubstr("boothd "));
@@ -95,6 +111,13 @@ TEST_F(ProgramTest, ExitStatuses) {
   EXPECT_EQ(run("boothd", {"--check-config", "--set", "gpio.chip=gpiochip9", "--set", "gpio.start=3", "--set", "gpio.light=3"}), 78);
   EXPECT_THAT(output, HasSubstr("gpio.start and gpio.light are the same line \"3\""));
   EXPECT_EQ(run("boothctl", {"dance"}), 64);
+  EXPECT_THAT(output, HasSubstr("boothctl does not know 'dance'"));
+  EXPECT_EQ(run("boothctl", {"bench", "dance"}), 64);
+  EXPECT_THAT(output, HasSubstr("boothctl bench does not know 'dance'"));
+  EXPECT_EQ(run("boothctl", {}), 64);
+  EXPECT_THAT(output, HasSubstr("subcommand is required"));
+  EXPECT_EQ(run("boothctl", {"model", "train-shape", "--out", folder.path.string()}), 64);
+  EXPECT_THAT(output, HasSubstr("--makehuman and --ansur"));
   EXPECT_EQ(run("boothctl", {"track", "/nonexistent"}), 1);
 }
 
