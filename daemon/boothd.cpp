@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
@@ -32,6 +33,7 @@
 #include "daemon/drivers_factory.hpp"
 #include "daemon/drivers_factory.recorder.hpp"
 #include "daemon/health/another_try.hpp"
+#include "daemon/health/checks.hpp"
 #include "daemon/health/failed_light.hpp"
 #include "daemon/health/log.hpp"
 #include "daemon/health/messages.hpp"
@@ -47,29 +49,13 @@
 #include "daemon/session/controller.hpp"
 #include "daemon/session/panel_link.hpp"
 #include "daemon/session/remote_commands.hpp"
+#include "daemon/start_stages.hpp"
 
 namespace booth::daemon {
 namespace {
 
-enum ExitStatus { kStopped = 0, kUsage = 64, kUnavailable = 69, kInternal = 70, kAgain = 75, kConfiguration = 78 };
-
 constexpr auto kNetworkPatience = std::chrono::seconds(4);  ///< READY within ten seconds, whatever the network does
 constexpr auto kWatchPatience = std::chrono::seconds(10);   ///< a thread that has not moved for so long hangs
-
-/// An error that knows its exit status.
-struct StartFailure : std::runtime_error {
-  StartFailure(ExitStatus s, const std::string& what) : std::runtime_error(what), status(s) {}
-  ExitStatus status;
-};
-
-template <class F>
-auto stage(ExitStatus status, F make) {
-  try {
-    return make();
-  } catch (const std::exception& e) {
-    throw StartFailure(status, e.what());
-  }
-}
 
 /// Removes the socket's file, also when the start fails later on.
 struct SocketFile {
@@ -99,8 +85,6 @@ std::optional<Credentials> open_credentials(const Config& config, bool check_onl
     return out;
   } catch (const CredentialError& e) {
     throw StartFailure(e.may_pass ? kUnavailable : kConfiguration, e.what());
-  } catch (const std::exception& e) {
-    throw StartFailure(kConfiguration, e.what());
   }
 }
 
@@ -182,14 +166,14 @@ bool is_supervised() {
 }
 
 /// Held for as long as boothd lives: a second one, with a socket of its own, would close the first one's session as if that were dead. Where the folder cannot
-/// be made or locked nothing is held: what cannot be written there is told later, by name.
+/// be made or locked nothing is held: what cannot be written there is told later, by name. Throws std::runtime_error where there is another.
 UniqueFd only_one_with(const std::filesystem::path& sessions) {
   std::error_code ignored;
   std::filesystem::create_directories(sessions, ignored);
   UniqueFd folder(::open(sessions.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (folder.get() >= 0 && ::flock(folder.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
-    throw StartFailure(kUnavailable,
-                       fmt::format("{}: another boothd writes its sessions there; stop that one, or choose another session.directory", sessions.string()));
+    throw std::runtime_error(
+        fmt::format("{}: another boothd writes its sessions there; stop that one, or choose another session.directory", sessions.string()));
   return folder;
 }
 
@@ -206,9 +190,9 @@ bool stop_is_pending() {
 
 /// The network that DDS should have and does not have yet; null where it is there, and where nobody would start boothd again when it comes. Most boxes have
 /// their address seconds after boothd could start, and that long it is waited for; for a switch that comes a minute later the visitor does not wait.
-std::unique_ptr<NetworkThere> missing_network(const Config& config) {
+std::unique_ptr<NetworkThere> missing_network(const Config& config, StartStages& stages) {
   if (!config.dds.enabled || !is_supervised()) return nullptr;
-  auto network = stage(kUnavailable, [&] { return std::make_unique<NetworkThere>(config.dds.interface); });
+  auto network = stages.run(kUnavailable, {"dds.interface"}, [&] { return std::make_unique<NetworkThere>(config.dds.interface); });
   for (const auto until = std::chrono::steady_clock::now() + kNetworkPatience; !network->there(); std::this_thread::sleep_for(std::chrono::milliseconds(50)))
     if (std::chrono::steady_clock::now() >= until || stop_is_pending()) break;
   if (network->there()) return nullptr;
@@ -301,41 +285,104 @@ void print_plan(const std::vector<MemoryItem>& plan) {
   std::cout << fmt::format("# {:<34}{:>10.1f} MiB\n", "total", static_cast<double>(total) / 1048576.0);
 }
 
-ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only) {
-  set_log_level(log_level_by_name(config.log.level));
-  // First of all: a second boothd must find out that it is one before it touches cameras or the sessions of the first.
-  UniqueFd listener;
-  std::optional<SocketFile> socket_file;
-  if (!check_only) {
-    listener = stage(kUnavailable, [&] { return listen_unix(config.control.socket); });
-    socket_file.emplace(config.control.socket);
-  }
-  stage(kConfiguration, [&] { check_panel(config); });
-  const std::optional<Credentials> credentials = open_credentials(config, check_only);
-  const auto seal_to = stage(kConfiguration, [&] { return recipient(config); });
-  DepthSource source = stage(kUnavailable, [&] { return open_source(config); });
-  if (static_cast<int>(source.cameras.size()) > kMaxCameras)
-    throw StartFailure(kConfiguration, fmt::format("{} has {} cameras; boothd works with at most {}", source.name, source.cameras.size(), kMaxCameras));
-  if (static_cast<std::int64_t>(source.cameras.size()) < config.cameras.minimum)
-    throw StartFailure(kConfiguration,
-                       fmt::format("{} has {} cameras, fewer than cameras.minimum = {}", source.name, source.cameras.size(), config.cameras.minimum));
-  FitSetup fit = stage(kConfiguration, [&] { return make_fit_setup(config, source.cameras, source.background); });
+/// What a start and a check have in common.
+struct Parts {
+  std::optional<Credentials> credentials;
+  std::shared_ptr<const PublicKey> seal_to;
+  DepthSource source;
+  FitSetup fit;  ///< in a check without a fitter where there are no cameras or models
+};
 
-  if (check_only) {
-    Controller controller(controller_settings(config, source, fit), *source.clock);
-    Pipeline pipeline(pipeline_settings(config), source.cameras, *source.clock, *fit.fitter, controller);
-    auto plan = pipeline.memory_plan();
-    plan.push_back({"session log ring", SessionLog::memory_bytes()});
-    plan.push_back({"last moments (record.*)", recorder_memory(config, source)});
-    if (const DecodeBytes decode = decode_memory(config, source.cameras.size()); decode.device > 0) {
-      plan.push_back({"pinned for the depth decode", decode.pinned});
-      plan.push_back({"depth decode on the device", decode.device});
-    }
-    if (config.dds.enabled && config.dds.ros2) plan.push_back({"ROS 2 mirror (dds.ros2)", Ros2Mirror::memory_bytes()});
-    print_plan(plan);
-    return kStopped;
+Parts make_parts(const Config& config, StartStages& stages, bool check_only) {
+  Parts out;
+  for (auto& problem : panel_problems(config)) stages.fail(kConfiguration, std::move(problem));
+  out.credentials = stages.run(kConfiguration, {"dds.security", "dds.credentials", "dds.self_issued"}, [&] { return open_credentials(config, check_only); });
+  out.seal_to = stages.run(kConfiguration, {"privacy.seal_to"}, [&] { return recipient(config); });
+  DepthSource& source = out.source = stages.run(kUnavailable,
+                                                {"cameras.driver", "cameras.recording.path", "cameras.kinect2.serials", "cameras.kinect2.calibration",
+                                                 "cameras.kinect2.cache", "cameras.synthetic.body", "models.directory"},
+                                                [&] { return open_source(config); });
+  const std::vector<std::string_view> of_models{"models.directory"};
+  if (!source.clock) {  // in a check that has complained about the cameras
+    stages.run(kConfiguration, of_models, [&] { return read_models(config); });
+    return out;
   }
-  const UniqueFd sessions = only_one_with(config.session.directory);
+  if (static_cast<int>(source.cameras.size()) > kMaxCameras)
+    stages.fail(kConfiguration, {{"cameras.driver", "cameras.recording.path", "cameras.kinect2.calibration"},
+                                 fmt::format("{} has {} cameras; boothd works with at most {}", source.name, source.cameras.size(), kMaxCameras)});
+  if (static_cast<std::int64_t>(source.cameras.size()) < config.cameras.minimum)
+    stages.fail(kConfiguration,
+                {{"cameras.minimum", "cameras.driver"},
+                 fmt::format("{} has {} cameras, fewer than cameras.minimum = {}", source.name, source.cameras.size(), config.cameras.minimum)});
+  out.fit = stages.run(kConfiguration, of_models, [&] { return make_fit_setup(config, source.cameras, source.background); });
+  return out;
+}
+
+std::vector<MemoryItem> memory_plan(const Config& config, Parts& parts) {
+  DepthSource& source = parts.source;
+  Controller controller(controller_settings(config, source, parts.fit), *source.clock);
+  Pipeline pipeline(pipeline_settings(config), source.cameras, *source.clock, *parts.fit.fitter, controller);
+  auto plan = pipeline.memory_plan();
+  plan.push_back({"session log ring", SessionLog::memory_bytes()});
+  plan.push_back({"last moments (record.*)", recorder_memory(config, source)});
+  if (const DecodeBytes decode = decode_memory(config, source.cameras.size()); decode.device > 0) {
+    plan.push_back({"pinned for the depth decode", decode.pinned});
+    plan.push_back({"depth decode on the device", decode.device});
+  }
+  if (config.dds.enabled && config.dds.ros2) plan.push_back({"ROS 2 mirror (dds.ros2)", Ros2Mirror::memory_bytes()});
+  return plan;
+}
+
+/// No mistakes: a chip may be plugged in later, and another program may let go of a line.
+void warn_of_absent_lines(const LoadedConfig& settings) {
+  DoctorInputs in;
+  in.config = settings.config;
+  in.gpio = list_gpio_chips();
+  for (const Check& one : check_gpio(in))
+    if (one.result == CheckResult::error)
+      log_line(LogLevel::warning, settings.placed({{"gpio.chip", "gpio.start", "gpio.stop", "gpio.emergency_stop", "gpio.light", "gpio.buzzer"},
+                                                   one.name == "chip" ? one.seen : one.name + ": " + one.seen}) +
+                                      (one.advice.empty() ? "" : "; " + one.advice));
+}
+
+Message message_of(ExitStatus status) {
+  return status == kConfiguration ? Message::configuration_wrong : status == kInternal ? Message::internal_fault : Message::start_failed;
+}
+
+/// The configuration and the plan as far as they are known, then everything that is wrong. The log's level stays as it is: whoever asks is told all.
+ExitStatus check_configuration(const LoadedConfig& settings, const std::vector<std::string>& problems) {
+  if (!problems.empty()) std::cout << "# There are mistakes: in the place of each wrong value stands the default, or what was set before\n";
+  print_config(settings.config, std::cout);
+  StartStages stages(settings, StartStages::At::check);
+  Parts parts = make_parts(settings.config, stages, true);
+  if (parts.fit.fitter)
+    print_plan(stages.run(kInternal, {}, [&] { return memory_plan(settings.config, parts); }));
+  else
+    std::cout << "\n# What memory is taken is not known without the cameras and the models\n";
+  std::cout << std::flush;
+  warn_of_absent_lines(settings);
+  ExitStatus status = problems.empty() ? kStopped : settings.only_device_absent ? kUnavailable : kConfiguration;
+  for (const auto& problem : problems) log_message(LogLevel::error, message_of(status), problem);
+  for (const auto& failure : stages.failures()) {
+    log_message(LogLevel::error, message_of(failure.status), failure.what());
+    status = std::max(status, failure.status);  // what must be mended weighs more than what may come by itself
+  }
+  return status;
+}
+
+ExitStatus serve(const LoadedConfig& settings_read, const sigset_t& signals) {
+  const Config& config = settings_read.config;
+  set_log_level(log_level_by_name(config.log.level));
+  StartStages stages(settings_read, StartStages::At::start);
+  // First of all: a second boothd must find out that it is one before it touches cameras or the sessions of the first.
+  UniqueFd listener = stages.run(kUnavailable, {"control.socket"}, [&] { return listen_unix(config.control.socket); });
+  const SocketFile socket_file(config.control.socket);
+  Parts parts = make_parts(config, stages, false);
+  const std::optional<Credentials>& credentials = parts.credentials;
+  const auto& seal_to = parts.seal_to;
+  DepthSource& source = parts.source;
+  FitSetup& fit = parts.fit;
+  const UniqueFd sessions = stages.run(kUnavailable, {"session.directory"}, [&] { return only_one_with(config.session.directory); });
   for (const auto& line : recover_recordings(config)) log_line(LogLevel::warning, line);
   const auto recorder = open_recorder(config, source, seal_to ? seal_files(*seal_to) : hal::SealFiles{});
   InfraredTap infrared;
@@ -356,7 +403,7 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     settings.credential_problem = [&] { return expiry_problem(*credentials, utc_seconds(), config.dds.expiry_warning_days); };
     log_line(LogLevel::info, "DDS Security: " + settings.dds_security);
   }
-  const auto awaited = missing_network(config);
+  const auto awaited = missing_network(config, stages);
   // Without any the library speaks within the machine; one that was named and is not there it refuses.
   const bool without_dds = awaited && !config.dds.interface.empty();
   if (without_dds) settings.dds_absent = awaited->sentence();
@@ -366,7 +413,7 @@ ExitStatus serve(const Config& config, const sigset_t& signals, bool check_only)
     DdsSettings network = dds_settings(config);
     if (credentials) network.identity = credentials->identity;
     network.ros2 = ros2_settings(config, source.cameras);
-    dds = stage(kUnavailable, [&] {
+    dds = stages.run(kUnavailable, {"dds.interface"}, [&] {
       return std::make_unique<DdsLink>(network, *source.clock, [&](DdsCommand command) { return answer_remote_command(command, controller, *recorder); });
     });
   }
@@ -439,11 +486,10 @@ int run(int argc, char** argv) {
       show_failed_light(sources, signals);
       return kStopped;
     }
-    std::vector<std::string> warnings;
-    const Config config = load_config(sources, &warnings);
-    for (const auto& warning : warnings) log_message(LogLevel::warning, Message::newer_file, warning);
-    if (check_only) print_config(config, std::cout);
-    return serve(config, signals, check_only);
+    std::vector<std::string> problems;
+    const LoadedConfig settings = load_settings(sources, check_only ? &problems : nullptr);
+    for (const auto& warning : settings.warnings) log_message(LogLevel::warning, Message::newer_file, warning);
+    return check_only ? check_configuration(settings, problems) : serve(settings, signals);
   } catch (const ConfigError& e) {
     // Taken in order: where the last has arrived, all have.
     for (const auto& problem : e.problems())
@@ -451,7 +497,7 @@ int run(int argc, char** argv) {
                                                                           e.only_device_absent ? Message::start_failed : Message::configuration_wrong, problem);
     return e.only_device_absent ? end_unavailable(sources, signals) : kConfiguration;
   } catch (const StartFailure& e) {
-    log_last_message(LogLevel::error, e.status == kConfiguration ? Message::configuration_wrong : Message::start_failed, e.what());
+    log_last_message(LogLevel::error, message_of(e.status), e.what());
     return e.status == kUnavailable ? end_unavailable(sources, signals) : e.status;
   } catch (const std::exception& e) {
     log_last_message(LogLevel::error, Message::internal_fault, e.what());

@@ -28,6 +28,15 @@ DepthSource wrap(drivers::Source source, std::shared_ptr<hal::Clock> clock, std:
           .to_live = source.live.to_live};
 }
 
+/// `name` is "test:N". The complaint names the key: the file may be right and have no such body.
+TestBody test_body(const std::filesystem::path& file, const std::string& name) {
+  try {
+    return load_test_body(file, std::stoi(name.substr(5)));
+  } catch (const std::exception& e) {
+    throw std::runtime_error(fmt::format("cameras.synthetic.body \"{}\": {}", name, e.what()));
+  }
+}
+
 drivers::Person make_scene_person(const Config& config) {
   const auto& synthetic = config.cameras.synthetic;
   const auto directory = find_models(config.models.directory);
@@ -42,7 +51,7 @@ drivers::Person make_scene_person(const Config& config) {
     auto motion = drivers::motion_by_name(synthetic.motion, synthetic.seconds, drivers::contact_of(*model, rest, model->rest_joints(beta)));
     return drivers::make_person(synthetic.body, std::move(model), beta, std::move(motion));
   }
-  TestBody body = load_test_body(directory / "test_bodies.npz", std::stoi(synthetic.body.substr(5)));
+  TestBody body = test_body(directory / "test_bodies.npz", synthetic.body);
   auto model = model_of(body.sex);
   auto motion = drivers::motion_by_name(synthetic.motion, synthetic.seconds, drivers::contact_of(*model, body.rest, body.rest_joints));
   return drivers::make_person(synthetic.body, std::move(model), std::move(body.rest), body.rest_joints, std::move(motion));

@@ -26,27 +26,35 @@ gpio::Bias bias_of(const std::string& name) {
 }
 
 struct NamedLine {
-  const char* key;
+  const char *name, *key;
   const std::string& line;
 };
 std::vector<NamedLine> lines_of(const Gpio& keys) {
-  return {{"start", keys.start}, {"stop", keys.stop}, {"emergency_stop", keys.emergency_stop}, {"light", keys.light}, {"buzzer", keys.buzzer}};
+  return {{"start", "gpio.start", keys.start},
+          {"stop", "gpio.stop", keys.stop},
+          {"emergency_stop", "gpio.emergency_stop", keys.emergency_stop},
+          {"light", "gpio.light", keys.light},
+          {"buzzer", "gpio.buzzer", keys.buzzer}};
 }
 
-void check(const Gpio& keys) {
-  std::map<std::string, const char*> taken;
-  for (const auto& [key, line] : lines_of(keys)) {
+std::vector<KeyProblem> problems_of(const Gpio& keys) {
+  std::vector<KeyProblem> out;
+  std::map<std::string, NamedLine> taken;
+  for (const NamedLine& one : lines_of(keys)) {
+    const auto& [name, key, line] = one;
     if (line.empty()) continue;
-    if (keys.chip.empty()) throw std::invalid_argument(fmt::format("gpio.{} is set and gpio.chip is not: say on which chip the line is", key));
-    const auto [other, fresh] = taken.emplace(line, key);
-    if (!fresh) throw std::invalid_argument(fmt::format("gpio.{} and gpio.{} are the same line \"{}\": give each its own", other->second, key, line));
+    if (keys.chip.empty()) out.push_back({{key, "gpio.chip"}, fmt::format("{} is set and gpio.chip is not: say on which chip the line is", key)});
+    const auto [other, fresh] = taken.emplace(line, one);
+    if (!fresh) out.push_back({{other->second.key, key}, fmt::format("{} and {} are the same line \"{}\": give each its own", other->second.key, key, line)});
   }
-  if (!keys.chip.empty() && taken.empty()) throw std::invalid_argument("gpio.chip is set and no line is: set gpio.start, gpio.light ...");
+  if (!keys.chip.empty() && taken.empty()) out.push_back({{"gpio.chip"}, "gpio.chip is set and no line is: set gpio.start, gpio.light ..."});
   if (keys.long_press_seconds >= keys.stuck_seconds)
-    throw std::invalid_argument(fmt::format("gpio.long_press_seconds = {} is no shorter than gpio.stuck_seconds = {}: a long press would be a stuck button",
-                                            keys.long_press_seconds, keys.stuck_seconds));
+    out.push_back({{"gpio.long_press_seconds", "gpio.stuck_seconds"},
+                   fmt::format("gpio.long_press_seconds = {} is no shorter than gpio.stuck_seconds = {}: a long press would be a stuck button",
+                               keys.long_press_seconds, keys.stuck_seconds)});
   if (!keys.stop.empty() && keys.start.empty())
-    throw std::invalid_argument("gpio.stop is set and gpio.start is not: one button alone is gpio.start, it stops, too");
+    out.push_back({{"gpio.stop", "gpio.start"}, "gpio.stop is set and gpio.start is not: one button alone is gpio.start, it stops, too"});
+  return out;
 }
 
 gpio::PanelSettings panel_settings(const Gpio& keys) {
@@ -96,13 +104,13 @@ class Visitor final : public SimulatedVisitor {
  private:
   static std::vector<std::string> names(const Gpio& keys) {
     std::vector<std::string> out;
-    for (const auto& [key, line] : lines_of(keys))
-      if (!line.empty()) out.push_back(line);
+    for (const auto& one : lines_of(keys))
+      if (!one.line.empty()) out.push_back(one.line);
     return out;
   }
   std::string line_of(const std::string& key) const {
-    for (const auto& [name, line] : lines_of(keys_))
-      if (name == key) return line;
+    for (const auto& one : lines_of(keys_))
+      if (one.name == key) return one.line;
     return "";
   }
 
@@ -119,16 +127,16 @@ Gpio resolved(const Config& config) {
     keys.light = "light";
     keys.buzzer = "buzzer";
   }
-  check(keys);
   return keys;
 }
 
 }  // namespace
 
-void check_panel(const Config& config) { (void)resolved(config); }
+std::vector<KeyProblem> panel_problems(const Config& config) { return problems_of(resolved(config)); }
 
 PanelDevice open_panel(const Config& config, const hal::Clock& clock) {
   const Gpio keys = resolved(config);
+  if (const auto problems = problems_of(keys); !problems.empty()) throw std::invalid_argument(problems.front().sentence);
   PanelDevice out;
   if (keys.chip.empty()) return out;
   if (keys.chip == kSimulated) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "daemon/config/config.hpp"
+#include "daemon/config/key_problem.hpp"
 #include "hal/clock.hpp"
 #include "hal/gpio_chips.hpp"
 #include "hal/panel.hpp"
@@ -32,10 +33,11 @@ struct PanelDevice {
   std::unique_ptr<hal::Panel> panel;          ///< null where gpio.chip is empty
 };
 
-/// Throws std::invalid_argument when keys contradict each other; touches nothing.
-void check_panel(const Config& config);
+/// Where keys of gpio.* contradict each other; touches nothing.
+std::vector<KeyProblem> panel_problems(const Config& config);
 
-/// Chips and lines that are not there are no errors: they are the panel's problems. `clock` must outlive the panel. Throws as check_panel() does.
+/// Chips and lines that are not there are no errors: they are the panel's problems. `clock` must outlive the panel. Throws
+/// std::invalid_argument with the first of panel_problems().
 PanelDevice open_panel(const Config& config, const hal::Clock& clock);
 
 /// What there is on this machine, without touching a line.

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdlib>
 #include <ostream>
-#include <set>
 
 #include "daemon/config/keys.hpp"
 #include "daemon/config/toml_document.hpp"
@@ -32,12 +31,38 @@ struct Loader {
   bool newer = false;      ///< the file that is being read is of the next version
   std::size_t absent = 0;  ///< problems that are camera drivers of another build
   std::set<std::string> named;
+  std::map<std::string, std::string, std::less<>> places;  ///< LoadedConfig's
+  std::set<std::string, std::less<>> in_doubt;             ///< LoadedConfig's
   std::vector<std::string> passed_over;
   bool pass_over = false;  ///< what is not known
   bool is_export = false;
 
   void problem(const std::string& place, std::string_view key, const std::string& what) {
     problems.push_back(key.empty() ? fmt::format("{}: {}", place, what) : fmt::format("{}: {}: {}", place, key, what));
+  }
+
+  /// Of a key, or all of a table; "": of all there are.
+  void doubt(std::string_view name) {
+    for (const ConfigKey& key : config_keys())
+      if (name.empty() || key.name == name || (key.name.starts_with(name) && key.name[name.size()] == '.')) in_doubt.emplace(key.name);
+  }
+  bool is_sound(std::initializer_list<std::string_view> keys) const {
+    return std::none_of(keys.begin(), keys.end(), [&](std::string_view key) { return in_doubt.contains(key); });
+  }
+
+  /// Keys that are right one by one and not together: the first is complained about, at the place of the first that somebody set.
+  void contradiction(std::initializer_list<std::string_view> keys, const std::string& what) {
+    std::string place, others;
+    for (const auto key : keys) {
+      const auto found = places.find(key);
+      if (found == places.end()) continue;
+      if (place.empty())
+        place = found->second;
+      else
+        others += fmt::format("; {} is set in {}", key, found->second);
+    }
+    problem(place.empty() ? "configuration" : place, *keys.begin(), what + others);
+    doubt(*keys.begin());  // what follows from it is no second mistake
   }
 
   void text_value(const ConfigKey& key, const std::string& place, const std::string& value, std::string& slot) {
@@ -56,6 +81,14 @@ struct Loader {
 
   void value(const ConfigKey& key, const std::string& place, const toml::node& node) {
     named.emplace(key.name);
+    const std::size_t before = problems.size();
+    take(key, place, node);
+    if (problems.size() > before) return doubt(key.name);
+    places[std::string(key.name)] = place;
+    in_doubt.erase(std::string(key.name));
+  }
+
+  void take(const ConfigKey& key, const std::string& place, const toml::node& node) {
     const auto wrong_type = [&] { problem(place, key.name, fmt::format("has the wrong type; allowed is {}", allowed_values(key))); };
     const auto in_range = [&](double v) {
       if (std::isfinite(v) && v >= key.minimum && v <= key.maximum) return true;
@@ -98,6 +131,7 @@ struct Loader {
     if (pass_over) return passed_over.push_back(name);
     if (newer) return warnings.push_back(fmt::format("{}: {}: is not a key of this version of boothd, and passed over", place, name));
     const std::string_view near = nearest_config_key(name);
+    if (!near.empty()) doubt(near);
     problem(place, name, near.empty() ? "is not a key of boothd" : fmt::format("is not a key of boothd; did you mean {}?", near));
   }
 
@@ -133,6 +167,7 @@ struct Loader {
       if (const toml::table* inner = node.as_table(); inner && is_prefix) {
         table(name + ".", file, *inner);
       } else if (is_prefix) {
+        doubt(name);
         problem(place, name, "must be a table");
       } else {
         unknown(place, name);
@@ -163,6 +198,7 @@ struct Loader {
     try {
       text = read_file_bytes(path, kMaxFileBytes);
     } catch (const std::exception& e) {  // a bad sector must not look like a file without keys: security would be off
+      doubt("");
       const std::string what = e.what(), opening = "cannot read " + path.string() + ": ";
       return problem(path.string(), "", "cannot be read: " + (what.starts_with(opening) ? what.substr(opening.size()) : what));
     }
@@ -170,13 +206,17 @@ struct Loader {
   }
 
   void toml_text(const std::string& text, const std::string& name) {
-    if (text.size() > kMaxFileBytes) return problem(name, "", fmt::format("is {} bytes long; a configuration has at most {}", text.size(), kMaxFileBytes));
+    if (text.size() > kMaxFileBytes) {
+      doubt("");
+      return problem(name, "", fmt::format("is {} bytes long; a configuration has at most {}", text.size(), kMaxFileBytes));
+    }
     try {
       toml::table root = parse_toml(text, name);
       version(name, root);
       table("", name, root);
       newer = false;
     } catch (const toml::parse_error& e) {
+      doubt("");
       problem(fmt::format("{}:{}", name, e.source().begin.line), "", fmt::format("not TOML: {}", e.description()));
     }
   }
@@ -194,9 +234,13 @@ struct Loader {
     try {
       const toml::table parsed = parse_toml("value = " + raw);
       const toml::node* node = parsed.get("value");
-      if (!node || parsed.size() != 1) return problem(place, name, fmt::format("has no single value; allowed is {}", allowed_values(*key)));
+      if (!node || parsed.size() != 1) {
+        doubt(name);
+        return problem(place, name, fmt::format("has no single value; allowed is {}", allowed_values(*key)));
+      }
       value(*key, place, *node);
     } catch (const toml::parse_error&) {
+      doubt(name);
       problem(place, name, fmt::format("\"{}\" is not a value; allowed is {}", raw, allowed_values(*key)));
     }
   }
@@ -210,13 +254,19 @@ namespace {
 
 Loader collect(const ConfigSources& sources) {
   Loader loader;
-  if (const char* run = std::getenv("RUNTIME_DIRECTORY"); run && *run) loader.config.control.socket = std::string(run) + "/control.sock";
-  if (const char* state = std::getenv("STATE_DIRECTORY"); state && *state) {
-    loader.config.session.directory = std::string(state) + "/sessions";
-    loader.config.record.directory = std::string(state) + "/recordings";
-    loader.config.cameras.kinect2.calibration = std::string(state) + "/calibration.toml";
-    loader.config.cameras.kinect2.cache = std::string(state) + "/kinect2";
-    loader.config.dds.self_issued = std::string(state) + "/security";
+  const auto from = [&loader](const char* variable, std::string_view key, std::string& slot, const std::string& value) {
+    slot = value;
+    loader.places[std::string(key)] = std::string("$") + variable;
+  };
+  if (const char* run = std::getenv("RUNTIME_DIRECTORY"); run && *run)
+    from("RUNTIME_DIRECTORY", "control.socket", loader.config.control.socket, std::string(run) + "/control.sock");
+  if (const char* variable = "STATE_DIRECTORY", *state = std::getenv(variable); state && *state) {
+    const std::string folder(state);
+    from(variable, "session.directory", loader.config.session.directory, folder + "/sessions");
+    from(variable, "record.directory", loader.config.record.directory, folder + "/recordings");
+    from(variable, "cameras.kinect2.calibration", loader.config.cameras.kinect2.calibration, folder + "/calibration.toml");
+    from(variable, "cameras.kinect2.cache", loader.config.cameras.kinect2.cache, folder + "/kinect2");
+    from(variable, "dds.self_issued", loader.config.dds.self_issued, folder + "/security");
   }
 
   if (sources.files != ConfigSources::Files::none) {
@@ -235,16 +285,27 @@ Loader collect(const ConfigSources& sources) {
   return loader;
 }
 
+/// Of the keys that are right one by one.
 void check_together(Loader& loader) {
   const Config& c = loader.config;
-  if (!loader.problems.empty()) return;
-  if (c.cameras.driver == "recording" && c.cameras.recording.path.empty())
-    loader.problem("configuration", "cameras.recording.path", "must name a recording when cameras.driver is \"recording\"");
-  if (c.cameras.driver == "synthetic" && c.cameras.minimum > c.cameras.synthetic.count)
-    loader.problem("configuration", "cameras.minimum",
-                   fmt::format("is {}, but the simulated booth has only {} cameras (cameras.synthetic.count)", c.cameras.minimum, c.cameras.synthetic.count));
-  if (loader.problems.empty() && c.dds.security == "on" && c.dds.domain > 230)
-    loader.problem("configuration", "dds.domain", fmt::format("is {}; DDS Security (dds.security) knows domains from 0 to 230", c.dds.domain));
+  if (c.cameras.driver == "recording" && c.cameras.recording.path.empty() && loader.is_sound({"cameras.recording.path", "cameras.driver"}))
+    loader.contradiction({"cameras.recording.path", "cameras.driver"}, "must name a recording when cameras.driver is \"recording\"");
+  if (c.cameras.driver == "synthetic" && c.cameras.minimum > c.cameras.synthetic.count &&
+      loader.is_sound({"cameras.minimum", "cameras.synthetic.count", "cameras.driver"}))
+    loader.contradiction(
+        {"cameras.minimum", "cameras.synthetic.count"},
+        fmt::format("is {}, but the simulated booth has only {} cameras (cameras.synthetic.count)", c.cameras.minimum, c.cameras.synthetic.count));
+  if (c.dds.security == "on" && c.dds.domain > 230 && loader.is_sound({"dds.domain", "dds.security"}))
+    loader.contradiction({"dds.domain", "dds.security"}, fmt::format("is {}; DDS Security (dds.security) knows domains from 0 to 230", c.dds.domain));
+}
+
+/// Whether the key's value is a path that the sentence names.
+bool names_value(const std::string& sentence, std::string_view name, const Config& config) {
+  const ConfigKey* key = find_config_key(name);
+  Config copy = config;
+  const ConfigSlot slot = key == nullptr ? ConfigSlot{} : key->slot(copy);
+  const auto* text = std::get_if<std::string*>(&slot);
+  return text != nullptr && *text != nullptr && (*text)->find('/') != std::string::npos && sentence.find(**text) != std::string::npos;
 }
 
 }  // namespace
@@ -274,14 +335,33 @@ Config load_what_is_right(const ConfigSources& sources) {
 LoadedConfig load_settings(const ConfigSources& sources, std::vector<std::string>* problems) {
   Loader loader = collect(sources);
   check_together(loader);
+  const bool only_device_absent = !loader.problems.empty() && loader.absent == loader.problems.size();
   if (problems != nullptr) {
     *problems = std::move(loader.problems);
   } else if (!loader.problems.empty()) {
     ConfigError failure(loader.problems);
-    failure.only_device_absent = loader.absent == loader.problems.size();
+    failure.only_device_absent = only_device_absent;
     throw failure;
   }
-  return {loader.config, {loader.named.begin(), loader.named.end()}, loader.passed_over, loader.is_export, loader.warnings};
+  return {.config = std::move(loader.config),
+          .named = {loader.named.begin(), loader.named.end()},
+          .passed_over = std::move(loader.passed_over),
+          .is_export = loader.is_export,
+          .warnings = std::move(loader.warnings),
+          .places = std::move(loader.places),
+          .in_doubt = std::move(loader.in_doubt),
+          .only_device_absent = only_device_absent};
+}
+
+std::string LoadedConfig::placed(const KeyProblem& problem) const {
+  const auto& [keys, sentence] = problem;
+  if (keys.empty()) return sentence;
+  auto key = std::find_if(keys.begin(), keys.end(), [&](auto k) { return places.contains(k) && sentence.find(k) != std::string::npos; });
+  if (key == keys.end()) key = std::find_if(keys.begin(), keys.end(), [&](auto k) { return names_value(sentence, k, config); });
+  if (key == keys.end()) key = keys.begin();
+  const auto place = places.find(*key);
+  if (place == places.end()) return sentence;
+  return sentence.starts_with(*key) ? fmt::format("{}: {}", place->second, sentence) : fmt::format("{}: {}: {}", place->second, *key, sentence);
 }
 
 Config load_config(const ConfigSources& sources, std::vector<std::string>* warnings) {
@@ -310,8 +390,12 @@ void print_config_reference(std::ostream& out) {
          "A file may say `version = 1` before its first table. boothd also takes a file of the next version, which an update wrote that was taken back since: "
          "there a key "
          "that it does not know is passed over with a warning ([state](state.md)).\n"
-         "Mistakes are reported all at once, each with file, line, key and what is allowed; `boothd --check-config` shows the result without starting "
-         "anything.\n";
+         "Mistakes are reported all at once, each with file, line, key and what is allowed. `boothd --check-config` starts nothing: it shows the result, the "
+         "memory plan "
+         "and then every mistake, of keys that do not go together and of what they name (models, recordings, credentials, keys to seal to), too. It ends with "
+         "78 "
+         "where "
+         "something must be mended, with 69 where a device or a file is only not there yet; a `gpio.chip` that is not there is a warning.\n";
   const Config defaults;
   std::string section;
   for (const ConfigKey& key : config_keys()) {

@@ -4,11 +4,14 @@
 #include <cstdint>
 #include <filesystem>
 #include <iosfwd>
+#include <map>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "daemon/config/config.hpp"
+#include "daemon/config/key_problem.hpp"
 
 namespace booth::daemon {
 
@@ -43,6 +46,15 @@ struct LoadedConfig {
   std::vector<std::string> passed_over;  ///< keys of ConfigSources::text that are not known, where that is allowed
   bool is_export = false;                ///< some source has an [export] table (docs/guide/operate.md)
   std::vector<std::string> warnings;     ///< of files of the next version: a sentence about the file, and one for each key that was passed over
+  /// Where each key got its value, as errors say it: `FILE:LINE`, `--set KEY=VALUE`, `$STATE_DIRECTORY`. A key with its default is not here.
+  std::map<std::string, std::string, std::less<>> places;
+  /// Keys whose value is not the one that was meant, because that is wrong, or may stand under a misspelt key or in a file that cannot be read.
+  std::set<std::string, std::less<>> in_doubt;
+  bool only_device_absent = false;  ///< as ConfigError's, of the problems that were put aside
+
+  /// `FILE:LINE: key: sentence` with the place of that of the keys which the sentence names; else of the one whose value, a path, it names; else of the first.
+  /// Where that one has its default, or there are no keys, the sentence alone. Never throws but for memory.
+  std::string placed(const KeyProblem& problem) const;
 };
 
 /// The format of [export] tables that this version writes; it reads this one and its neighbours (hal/file_version.hpp), the next one with a warning.

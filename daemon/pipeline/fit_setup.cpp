@@ -5,6 +5,22 @@
 
 namespace booth::daemon {
 
+ReadModels read_models(const Config& config) {
+  ReadModels out;
+  const auto directory = find_models(config.models.directory);
+  const auto load = [&](const char* name) {
+    const auto path = directory / (std::string(name) + ".npz");
+    auto model = std::make_shared<const fit::BodyModel>(config.fit.preset == "paper" ? load_body_model_paper(path) : load_body_model(path));
+    out.versions.push_back(std::string(name) + " " + model->data().version);
+    return model;
+  };
+  if (config.fit.sex != "women") out.bodies.men = load("men");
+  if (config.fit.sex != "men") out.bodies.women = load("women");
+  out.prior = std::make_shared<const fit::PosePrior>(load_pose_prior(directory / "pose.npz"));
+  out.versions.push_back("pose " + out.prior->version);
+  return out;
+}
+
 FitSetup make_fit_setup(const Config& config, const hal::DepthCameras& cameras, const std::vector<hal::DepthFrame>& background,
                         const fit::DeviceOpen& open_device) {
   std::vector<hal::CameraDescription> descriptions;
@@ -14,19 +30,10 @@ FitSetup make_fit_setup(const Config& config, const hal::DepthCameras& cameras, 
 
 FitSetup make_fit_setup(const Config& config, const std::vector<hal::CameraDescription>& cameras, const std::vector<hal::DepthFrame>& background,
                         const fit::DeviceOpen& open_device) {
+  ReadModels models = read_models(config);
   FitSetup out;
-  const auto directory = find_models(config.models.directory);
-  const bool paper = config.fit.preset == "paper";
-  const auto load = [&](const char* name) {
-    const auto path = directory / (std::string(name) + ".npz");
-    auto model = std::make_shared<const fit::BodyModel>(paper ? load_body_model_paper(path) : load_body_model(path));
-    out.versions.push_back(std::string(name) + " " + model->data().version);
-    return model;
-  };
-  if (config.fit.sex != "women") out.models.men = load("men");
-  if (config.fit.sex != "men") out.models.women = load("women");
-  auto prior = std::make_shared<const fit::PosePrior>(load_pose_prior(directory / "pose.npz"));
-  out.versions.push_back("pose " + prior->version);
+  out.models = std::move(models.bodies);
+  out.versions = std::move(models.versions);
 
   fit::CloudSettings cloud;
   cloud.stage_x = static_cast<float>(config.stage.centre_y);  // CMU's x is the booth's y (left), its z the booth's x (forward)
@@ -35,7 +42,7 @@ FitSetup make_fit_setup(const Config& config, const std::vector<hal::CameraDescr
   cloud.stage_height = static_cast<float>(config.stage.height);
   cloud.threads = static_cast<int>(config.fit.threads);
   fit::EstimatorSettings estimator;
-  estimator.preset = paper ? fit::Preset::paper : fit::Preset::booth;
+  estimator.preset = config.fit.preset == "paper" ? fit::Preset::paper : fit::Preset::booth;
   estimator.sex = config.fit.sex == "men" ? fit::SexChoice::men : config.fit.sex == "women" ? fit::SexChoice::women : fit::SexChoice::automatic;
   estimator.threads = static_cast<int>(config.fit.threads);
   estimator.backend = config.fit.backend == "cuda"   ? fit::BackendChoice::cuda
@@ -44,7 +51,7 @@ FitSetup make_fit_setup(const Config& config, const std::vector<hal::CameraDescr
   if (config.fit.particles > 0) estimator.swarm.particles = estimator.device_particles = static_cast<int>(config.fit.particles);
   estimator.open_device = open_device;
   estimator.seed = static_cast<std::uint64_t>(config.fit.seed);
-  out.fitter = std::make_unique<EstimatorFitter>(cameras, background, FitModels{out.models.men, out.models.women, prior}, cloud, estimator);
+  out.fitter = std::make_unique<EstimatorFitter>(cameras, background, FitModels{out.models.men, out.models.women, models.prior}, cloud, estimator);
   return out;
 }
 

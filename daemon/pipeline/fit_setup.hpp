@@ -18,6 +18,15 @@ struct FitSetup {
   std::unique_ptr<EstimatorFitter> fitter;
 };
 
+struct ReadModels {
+  SessionModels bodies;  ///< those that fit.sex wants
+  std::shared_ptr<const fit::PosePrior> prior;
+  std::vector<std::string> versions;  ///< as FitSetup's
+};
+
+/// What models.directory holds of what the configuration wants. Throws std::runtime_error or std::invalid_argument naming the file or the folder.
+ReadModels read_models(const Config& config);
+
 /// `open_device` stands in for the CUDA device where it is given. Throws std::runtime_error or std::invalid_argument naming the file or the key.
 FitSetup make_fit_setup(const Config& config, const std::vector<hal::CameraDescription>& cameras, const std::vector<hal::DepthFrame>& background,
                         const fit::DeviceOpen& open_device = {});

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <sstream>
 
 #include "daemon/config/keys.hpp"
@@ -13,8 +14,10 @@
 namespace booth::daemon {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::StartsWith;
 using tests::TemporaryFolder;
 
 std::vector<std::string> problems_of(const ConfigSources& sources) {
@@ -115,6 +118,56 @@ TEST(Config, ChecksWhatBelongsTogether) {
   EXPECT_THAT(problems_of({.file = {}, .assignments = {"cameras.driver=recording"}}), ElementsAre(HasSubstr("cameras.recording.path: must name a recording")));
   EXPECT_THAT(problems_of({.file = {}, .assignments = {"cameras.synthetic.count=1"}}), ElementsAre(HasSubstr("cameras.minimum: is 2")));
   EXPECT_THAT(problems_of({.file = {}, .assignments = {"dds.security=on", "dds.domain=231"}}), ElementsAre(HasSubstr("dds.domain: is 231")));
+}
+
+TEST(Config, KeysThatDoNotGoTogetherAreNamedWithTheirPlace) {
+  EXPECT_THAT(problems_in("[cameras]\nminimum = 8\n"),
+              ElementsAre("b.toml:2: cameras.minimum: is 8, but the simulated booth has only 4 cameras (cameras.synthetic.count)"));
+  EXPECT_THAT(problems_in("[cameras]\nsynthetic.count = 1\n"), ElementsAre(StartsWith("b.toml:2: cameras.minimum: is 2, but"))) << "the one that was set";
+  EXPECT_THAT(problems_in("cameras.driver = \"recording\"\n"), ElementsAre(StartsWith("b.toml:1: cameras.recording.path: must name a recording")));
+  TemporaryFolder folder;
+  const auto file = folder.write("b.toml", "[cameras]\nminimum = 3\n");
+  const auto more = folder.write("b.toml.d/x.toml", "\n\n[cameras]\nsynthetic.count = 2\n");
+  EXPECT_THAT(problems_of({.file = file, .assignments = {}}), ElementsAre(AllOf(StartsWith(file.string() + ":2: cameras.minimum: is 3"),
+                                                                                HasSubstr("cameras.synthetic.count is set in " + more.string() + ":4"))));
+  EXPECT_THAT(problems_of({.file = file, .assignments = {"cameras.minimum=2"}}), ElementsAre()) << "the last value counts";
+  EXPECT_THAT(problems_of({.file = file, .assignments = {"cameras.minimum=4"}}), ElementsAre(StartsWith("--set cameras.minimum=4: cameras.minimum: is 4")));
+}
+
+TEST(Config, AMistakeInOneKeyHidesNoneOfOthersAndMakesNone) {
+  EXPECT_THAT(problems_in("[cameras]\nminimum = 8\n[stage]\nradius = 50\n[dds]\nsecurity = \"on\"\ndomain = 231\n"),
+              ElementsAre(StartsWith("b.toml:4: stage.radius"), StartsWith("b.toml:2: cameras.minimum"), StartsWith("b.toml:7: dds.domain")));
+  // What may be meant otherwise is not complained about twice.
+  for (const char* text : {"[cameras]\nminimum = 8\nsynthetic.count = \"8\"\n", "[cameras]\nminimum = 8\nsynthetic.cuont = 8\n",
+                           "[cameras]\nminimum = 8\nsynthetic = 8\n", "[cameras]\nminimum = 8\ndriver = \"kinect3\"\n"})
+    EXPECT_THAT(problems_in(text), ElementsAre(StartsWith("b.toml:3: "))) << text;
+  TemporaryFolder folder;
+  const auto file = folder.write("b.toml", "[cameras]\nsynthetic.count = 8\n= 2\n");
+  EXPECT_THAT(problems_of({.file = file, .assignments = {"cameras.minimum=8"}}), ElementsAre(HasSubstr("b.toml:3: not TOML")));
+  EXPECT_THAT(problems_of({.file = file, .assignments = {"cameras.minimum=8", "cameras.synthetic.count=2", "cameras.driver=synthetic"}}),
+              ElementsAre(HasSubstr("b.toml:3: not TOML"), HasSubstr("cameras.minimum: is 8")))
+      << "what comes later is certain";
+}
+
+TEST(Config, SaysWhereAKeyWasSet) {
+  TemporaryFolder folder;
+  const auto file = folder.write("b.toml", "[models]\ndirectory = \"/some/where\"\n[gpio]\nstart = \"3\"\n[cameras]\nminimum = 99\n");
+  ::setenv("STATE_DIRECTORY", "/state", 1);
+  std::vector<std::string> problems;
+  const LoadedConfig read = load_settings({.file = file, .assignments = {"gpio.light=4", "privacy.seal_to=/a/key"}}, &problems);
+  ::unsetenv("STATE_DIRECTORY");
+  EXPECT_EQ(problems.size(), 1u);
+  EXPECT_THAT(read.in_doubt, ElementsAre("cameras.minimum"));
+  EXPECT_FALSE(read.places.contains("cameras.minimum")) << "its value is the default";
+  const std::string name = file.string();
+  EXPECT_EQ(read.placed({{"cameras.driver", "models.directory"}, "no models in /some/where"}), name + ":2: models.directory: no models in /some/where");
+  EXPECT_EQ(read.placed({{"gpio.chip", "gpio.start"}, "gpio.start is set and gpio.chip is not"}), name + ":4: gpio.start is set and gpio.chip is not");
+  EXPECT_EQ(read.placed({{"gpio.light"}, "is used"}), "--set gpio.light=4: gpio.light: is used");
+  EXPECT_EQ(read.placed({{"privacy.seal_to"}, "/a/key: is no key"}), "--set privacy.seal_to=/a/key: privacy.seal_to: /a/key: is no key");
+  EXPECT_EQ(read.placed({{"dds.security", "dds.self_issued"}, "/state/security/x is missing"}),
+            "$STATE_DIRECTORY: dds.self_issued: /state/security/x is missing");
+  EXPECT_EQ(read.placed({{"cameras.driver"}, "no cameras"}), "no cameras") << "nobody set it";
+  EXPECT_EQ(read.placed({{}, "no cameras"}), "no cameras");
 }
 
 TEST(Config, PrintsWhatItWouldReadAgain) {

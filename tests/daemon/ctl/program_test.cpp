@@ -17,7 +17,9 @@ namespace {
 
 using namespace std::chrono_literals;
 using nlohmann::json;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using tests::eventually;
 using tests::Program;
 using tests::read_text;
@@ -170,6 +172,58 @@ TEST_F(ProgramTest, CheckConfigPrintsThePlan) {
   EXPECT_THAT(output, HasSubstr("depth frame slots"));
   EXPECT_THAT(output, HasSubstr("estimator"));
   EXPECT_THAT(output, HasSubstr("total"));
+}
+
+TEST_F(ProgramTest, CheckConfigGoesOnToTheLastMistake) {
+  const std::string file = folder
+                               .write("b.toml",
+                                      "[stage]\nradius = 50\n"                                        // a key by itself
+                                      "[cameras]\nminimum = 8\n"                                      // two together
+                                      "[gpio]\nstart = \"3\"\nstop = \"3\"\n"                         // the panel
+                                      "[dds]\nsecurity = \"on\"\ncredentials = \"/nonexistent/c\"\n"  // credentials
+                                      "[privacy]\nseal_to = \"/nonexistent/k\"\n"                     // the key to seal to
+                                      "[models]\ndirectory = \"/nonexistent/m\"\n")                   // cameras and models
+                               .string();
+  EXPECT_EQ(run("boothd", {"--check-config", "--config", file, "--set", "booth.id=lobby"}), 78);
+  std::size_t at = output.find("id = \"lobby\"");
+  ASSERT_NE(at, std::string::npos) << output;
+  for (const char* wanted : {":2: stage.radius: 50 is out of range", ":4: cameras.minimum: is 8", ":6: gpio.start is set and gpio.chip is not",
+                             ":7: gpio.stop is set and gpio.chip is not", ":6: gpio.start and gpio.stop are the same line",
+                             ":10: dds.credentials: ", ":12: privacy.seal_to: ", ":14: models.directory: no body models"}) {
+    const std::size_t next = output.find(file + wanted);
+    ASSERT_NE(next, std::string::npos) << wanted << "\n" << output;
+    EXPECT_GT(next, at) << wanted << " comes after what could be resolved";
+    at = next;
+    EXPECT_EQ(output.find(wanted, next + file.size() + 1), std::string::npos) << wanted << " once";
+  }
+  EXPECT_THAT(output, HasSubstr("radius = 2\n")) << "the default in its place";
+  // A start says the first of them as before, with its place.
+  EXPECT_EQ(run("boothd", {"--config", folder.write("k.toml", "[privacy]\nseal_to = \"/nonexistent/k\"\n").string(), "--set", "control.socket=" + socket}), 78);
+  EXPECT_THAT(output, HasSubstr("k.toml:2: privacy.seal_to: "));
+  EXPECT_EQ(std::count(output.begin(), output.end(), '\n'), 1) << output;
+}
+
+TEST_F(ProgramTest, CheckConfigPrintsWhatIsKnownBesideAMistake) {
+  EXPECT_EQ(run("boothd", {"--check-config", "--config", folder.write("b.toml", "[fit]\ntreads = 2\n").string(), "--set", "booth.id=lobby"}), 78);
+  EXPECT_THAT(output, AllOf(HasSubstr("id = \"lobby\""), HasSubstr("depth frame slots"), HasSubstr("total"), HasSubstr("did you mean fit.threads?")));
+  EXPECT_EQ(run("boothd", {"--check-config", "--config", "/nonexistent/b.toml"}), 78);
+  EXPECT_THAT(output, AllOf(HasSubstr("id = \"booth\""), HasSubstr("/nonexistent/b.toml: cannot be read: ")));
+  // Missing is not wrong: the recording may be on a disk that comes later. The models are looked at all the same.
+  const std::vector<std::string> absent{"--check-config", "--set", "cameras.driver=recording", "--set", "cameras.recording.path=/nonexistent/r"};
+  EXPECT_EQ(run("boothd", absent), 69);
+  EXPECT_THAT(output, AllOf(HasSubstr("/nonexistent/r"), HasSubstr("is not known without")));
+  auto both = absent;
+  both.insert(both.end(), {"--set", "models.directory=/nonexistent/m"});
+  EXPECT_EQ(run("boothd", both), 78);
+  EXPECT_THAT(output, AllOf(HasSubstr("/nonexistent/r"), HasSubstr("no body models")));
+}
+
+TEST_F(ProgramTest, CheckConfigWarnsOfAChipThatIsNotThere) {
+  const std::string file = folder.write("b.toml", "[log]\nlevel = \"error\"\n[gpio]\nstart = \"3\"\nchip = \"gpiochip99\"\n").string();
+  EXPECT_EQ(run("boothd", {"--check-config", "--config", file}), 0) << "it may be plugged in later";
+  EXPECT_THAT(output, HasSubstr(file + ":5: gpio.chip \"gpiochip99\" is not there: "));
+  EXPECT_EQ(run("boothd", {"--check-config", "--set", "gpio.chip=simulated"}), 0);
+  EXPECT_THAT(output, Not(HasSubstr("is not there")));
 }
 
 TEST_F(ProgramTest, SigtermInTheMiddleOfASessionSavesIt) {

@@ -162,6 +162,29 @@ TEST_F(DdsTest, BodyAndStatusReachLateJoiners) {
   }));
 }
 
+TEST_F(DdsTest, ATextThatIsTooLongEndsWithAWholeCharacter) {
+  struct Case {
+    std::string text, heard;
+  };
+  const auto repeat = [](int times, const std::string& what) {
+    std::string out;
+    for (int i = 0; i < times; ++i) out += what;
+    return out;
+  };
+  const std::string two = "\xC3\xA4", three = "\xE2\x82\xAC", four = "\xF0\x9F\x99\x82";
+  for (const Case& one :
+       {Case{repeat(90, two), repeat(80, two)}, Case{"a" + repeat(90, two), "a" + repeat(79, two)}, Case{repeat(60, three), repeat(53, three)},
+        Case{repeat(50, four), repeat(40, four)}, Case{"abc" + repeat(50, four), "abc" + repeat(39, four)}, Case{repeat(80, two), repeat(80, two)},
+        Case{std::string(200, '\x80'), std::string(160, '\x80')}}) {
+    StatusSample status;
+    status.alarm = one.text;
+    link.publish(status);
+    Peer late;
+    EXPECT_TRUE(take<booth_msg_Status>(late.reader(booth_msg_Status_desc, "booth/status", true, true),
+                                       [&](const booth_msg_Status& s) { EXPECT_EQ(std::string(s.alarm), one.heard); }));
+  }
+}
+
 TEST_F(DdsTest, CommandsAreAnsweredWithTheirId) {
   Peer peer;
   const dds_entity_t replies = peer.reader(booth_msg_Reply_desc, "booth/reply", true, false);
