@@ -40,7 +40,7 @@ struct ControllerSettings {
   std::shared_ptr<const hal::GroundTruth> truth;  ///< may be null
   std::shared_ptr<const PublicKey> seal_to{};     ///< sessions are sealed to it; null: they are not
   std::int64_t calibrated_utc_ns = 0;             ///< when the cameras were calibrated; 0: not known
-  double calibration_residual = -1;               ///< metres; negative: not known
+  double calibration_residual = -1;               ///< between two cameras, on views held out, metres; negative: not known
   /// Hears of everything that happens, on the controller's thread: kind, source, text. May be empty.
   std::function<void(const std::string&, const std::string&, const std::string&)> on_event{};
   std::string dds_absent{};                           ///< why this booth is not on DDS although it should be, an alarm; empty: it is, or it should not be
