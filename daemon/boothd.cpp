@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <signal.h>
 #include <sys/file.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -29,6 +28,7 @@
 #include "daemon/dds/network_there.hpp"
 #include "daemon/dds/ros2/cloud_tap.hpp"
 #include "daemon/dds/ros2/ros2_mirror.hpp"
+#include "daemon/drivers_factory.calibration.hpp"
 #include "daemon/drivers_factory.gpio.hpp"
 #include "daemon/drivers_factory.hpp"
 #include "daemon/drivers_factory.recorder.hpp"
@@ -88,14 +88,6 @@ std::optional<Credentials> open_credentials(const Config& config, bool check_onl
   }
 }
 
-/// When the calibration that the cameras use was written; 0 where there is none.
-std::int64_t calibrated_utc_ns(const Config& config) {
-  struct stat file {};
-  if (config.cameras.driver != "kinect2" || config.cameras.kinect2.calibration.empty() || ::stat(config.cameras.kinect2.calibration.c_str(), &file) != 0)
-    return 0;
-  return static_cast<std::int64_t>(file.st_mtim.tv_sec) * 1'000'000'000 + file.st_mtim.tv_nsec;
-}
-
 /// Whom sessions and recordings are sealed to; null where they are not. Throws: a key that is asked for and not there means no start, not plain files.
 std::shared_ptr<const PublicKey> recipient(const Config& config) {
   if (config.privacy.seal_to.empty()) return nullptr;
@@ -126,7 +118,9 @@ ControllerSettings controller_settings(const Config& config, const DepthSource& 
   out.info.seed = static_cast<std::uint64_t>(config.fit.seed);
   out.info.threads = static_cast<int>(config.fit.threads);
   for (const auto& camera : source.cameras) out.info.cameras.push_back(camera->description().name);
-  out.calibrated_utc_ns = calibrated_utc_ns(config);
+  out.info.calibration = source.calibration;
+  out.calibrated_utc_ns = calibrated_utc_ns(source.calibration);
+  out.calibration_residual = source.calibration.held_out_corner;
   return out;
 }
 

@@ -2,12 +2,14 @@
 #include "daemon/drivers_factory.calibration.hpp"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <Eigen/Geometry>
 #include <memory>
 #include <random>
 #include <stdexcept>
 
+#include "daemon/security/utc_time.hpp"
 #include "drivers/clock/system_clock.hpp"
 #include "drivers/pacing/punctual_camera.hpp"
 #include "drivers/recording/calibration_checksum.hpp"
@@ -27,6 +29,27 @@ std::vector<hal::CameraDescription> read_cameras(const std::string& text, const 
 }
 
 std::vector<double> read_time_offsets(const std::filesystem::path& file) { return drivers::read_time_offsets(file); }
+
+CalibrationUsed calibration_used(const std::filesystem::path& file, const drivers::CalibrationNotes& notes, bool written) {
+  CalibrationUsed out{.source = CalibrationUsed::Source::file,
+                      .file = file.string(),
+                      .utc = notes.utc,
+                      .checksum = notes.checksum,
+                      .held_out_corner = notes.held_out_corner,
+                      .held_out_corner_p95 = notes.held_out_corner_p95,
+                      .held_out_plane = notes.held_out_plane};
+  if (calibrated_utc_ns(out) == 0) {
+    struct stat status {};
+    out.utc = written && ::stat(file.c_str(), &status) == 0 ? utc_text(status.st_mtime) : "";
+  }
+  return out;
+}
+
+std::int64_t calibrated_utc_ns(const CalibrationUsed& calibration) {
+  constexpr std::int64_t kNanoseconds = 1'000'000'000, kMost = 9'000'000'000;  // seconds: the year 2255; more nanoseconds have no room
+  const auto seconds = utc_of(calibration.utc);
+  return seconds && *seconds > 0 && *seconds < kMost ? *seconds * kNanoseconds : 0;
+}
 
 hal::DepthCameras punctual_cameras(hal::DepthCameras cameras, const std::vector<double>& late) {
   for (std::size_t c = 0; c < cameras.size(); ++c) cameras[c] = drivers::punctual(std::move(cameras[c]), hal::from_seconds(late.at(c)));

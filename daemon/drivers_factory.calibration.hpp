@@ -9,9 +9,14 @@
 #include <string>
 #include <vector>
 
+#include "daemon/record/calibration_used.hpp"
 #include "hal/clock.hpp"
 #include "hal/depth_camera.hpp"
 #include "hal/depth_frame.hpp"
+
+namespace booth::drivers {
+struct CalibrationNotes;
+}
 
 namespace booth::daemon {
 
@@ -21,6 +26,11 @@ std::vector<hal::CameraDescription> read_cameras(const std::filesystem::path& fi
 std::vector<hal::CameraDescription> read_cameras(const std::string& text, const std::filesystem::path& name);
 /// Seconds by which each camera's time stamps lie behind its exposures, as the file's `time_offset_ms` have it. Throws the same.
 std::vector<double> read_time_offsets(const std::filesystem::path& file);
+/// What a session says of the calibration `file`, whose reader noted `notes`. With `written`, for files that are written where they are used, one that does not
+/// say when it was measured is as old as the file; a copy's time would say nothing.
+CalibrationUsed calibration_used(const std::filesystem::path& file, const drivers::CalibrationNotes& notes, bool written);
+/// When that was, UTC nanoseconds since 1970; 0 where it is not known.
+std::int64_t calibrated_utc_ns(const CalibrationUsed& calibration);
 /// The same cameras with so many seconds taken off their time stamps; `late` has one for each.
 hal::DepthCameras punctual_cameras(hal::DepthCameras cameras, const std::vector<double>& late);
 /// A calibration with the line that says what its other bytes sum up to; one that was there is replaced.

@@ -6,10 +6,12 @@
 #include <limits>
 #include <stdexcept>
 
+#include "daemon/drivers_factory.calibration.hpp"
 #include "daemon/drivers_factory.kinect2.hpp"
 #include "daemon/io/model_file.hpp"
 #include "drivers/clock/manual_clock.hpp"
 #include "drivers/clock/system_clock.hpp"
+#include "drivers/recording/calibration_file.hpp"
 #include "drivers/recording/recording.hpp"
 #include "drivers/synthetic/motions.hpp"
 #include "drivers/synthetic/scene.hpp"
@@ -18,14 +20,30 @@
 namespace booth::daemon {
 namespace {
 
-DepthSource wrap(drivers::Source source, std::shared_ptr<hal::Clock> clock, std::string name) {
+DepthSource wrap(drivers::Source source, std::shared_ptr<hal::Clock> clock, std::string name, CalibrationUsed calibration) {
   return {.clock = std::move(clock),
           .cameras = std::move(source.cameras),
           .truth = std::move(source.truth),
           .background = std::move(source.background),
           .name = std::move(name),
           .live_groups = std::move(source.live.groups),
-          .to_live = source.live.to_live};
+          .to_live = source.live.to_live,
+          .calibration = std::move(calibration)};
+}
+
+/// Of a recording: the file in its folder, which a bag of another program may lack.
+CalibrationUsed recorded_calibration(const std::filesystem::path& recording) {
+  const std::filesystem::path file = recording / "calibration.toml";
+  std::error_code ignored;
+  if (!std::filesystem::exists(file, ignored)) return {};
+  drivers::CalibrationNotes notes;
+  (void)drivers::read_calibration(file, &notes);
+  return calibration_used(file, notes, false);
+}
+
+DepthSource open_recorded(const std::filesystem::path& path, drivers::Pace pace, std::shared_ptr<hal::Clock> clock) {
+  drivers::Source source = drivers::open_recording(path, pace, clock, drivers::truth_surface);
+  return wrap(std::move(source), std::move(clock), "recording: " + path.string(), recorded_calibration(path));
 }
 
 /// `name` is "test:N". The complaint names the key: the file may be right and have no such body.
@@ -68,7 +86,8 @@ DepthSource open_synthetic(const Config& config, drivers::Pace pace, double seco
   std::vector<drivers::Person> persons;
   persons.push_back(make_scene_person(config));
   return wrap(drivers::make_scene(std::move(scene), std::move(persons), clock), clock,
-              fmt::format("synthetic: {} {} noise {} seed {}", synthetic.body, synthetic.motion, synthetic.noise, synthetic.seed));
+              fmt::format("synthetic: {} {} noise {} seed {}", synthetic.body, synthetic.motion, synthetic.noise, synthetic.seed),
+              {.source = CalibrationUsed::Source::layout});
 }
 
 }  // namespace
@@ -80,7 +99,7 @@ DepthSource open_source(const Config& config) {
   const auto& cameras = config.cameras;
   if (cameras.driver == "recording") {
     const drivers::Pace pace = cameras.recording.pace == "fast" ? drivers::Pace::fast : drivers::Pace::own;
-    return wrap(drivers::open_recording(cameras.recording.path, pace, clock, drivers::truth_surface), clock, "recording: " + cameras.recording.path);
+    return open_recorded(cameras.recording.path, pace, std::move(clock));
   }
   if (cameras.driver == "kinect2") return open_kinect(config, clock);
 #ifdef BOOTHD_EMULATOR
@@ -90,8 +109,7 @@ DepthSource open_source(const Config& config) {
 }
 
 DepthSource open_recording_source(const std::filesystem::path& path) {
-  auto clock = std::make_shared<drivers::ManualClock>();
-  return wrap(drivers::open_recording(path, drivers::Pace::fast, clock, drivers::truth_surface), clock, "recording: " + path.string());
+  return open_recorded(path, drivers::Pace::fast, std::make_shared<drivers::ManualClock>());
 }
 
 DepthSource open_synthetic_source(const Config& config, double seconds) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "daemon/config/config.hpp"
+#include "daemon/record/calibration_used.hpp"
 #include "hal/clock.hpp"
 #include "hal/depth_camera.hpp"
 #include "hal/flight_recorder.hpp"
@@ -21,6 +22,7 @@ struct DepthSource {
   std::string name;                               ///< for session.json
   std::vector<hal::FittedGroup> live_groups{};    ///< of a recording: what the live booth did with its frames, where that is known
   hal::Nanoseconds to_live{};                     ///< added to a frame's `captured`, as read at full speed, gives what it was live
+  CalibrationUsed calibration{};                  ///< where the places of the cameras are from
 };
 
 /// What decoding depth on a graphics processor (cameras.kinect2.decoder) takes of it, and of the host's memory pinned; nothing where that is not asked for.

@@ -12,6 +12,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "daemon/drivers_factory.calibration.hpp"
 #include "daemon/drivers_factory.usb.hpp"
 #include "daemon/health/log.hpp"
 #include "daemon/health/messages.hpp"
@@ -50,7 +51,8 @@ std::string found_serials(drivers::usb::Bus& bus) {
   return serials.empty() ? "none is plugged in" : fmt::format("plugged in are {}", fmt::join(serials, ", "));
 }
 
-std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus) {
+/// `used` says where they are from.
+std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus, CalibrationUsed& used) {
   const auto& kinect = config.cameras.kinect2;
   std::error_code unreadable;
   const bool calibrated = !kinect.calibration.empty() && (std::filesystem::exists(kinect.calibration, unreadable) || unreadable);
@@ -61,7 +63,8 @@ std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus) {
   drivers::CalibrationNotes said;
   const auto places = calibrated ? drivers::read_calibration(kinect.calibration, &said) : drivers::camera_ring(static_cast<int>(kinect.serials.size()));
   for (const auto& warning : said.newer) log_message(LogLevel::warning, Message::newer_file, warning);
-  if (calibrated && !said.checksum)
+  used = calibrated ? calibration_used(kinect.calibration, said, true) : CalibrationUsed{.source = CalibrationUsed::Source::layout};
+  if (calibrated && said.checksum.empty())
     log_line(LogLevel::info,
              kinect.calibration +
                  " has no checksum: it was edited, or an older boothd wrote it. A byte that changes in it is not noticed; when it is as it should be, "
@@ -194,13 +197,15 @@ DepthSource open_kinect(const Config& config, std::shared_ptr<hal::Clock> clock)
       .power = power_tools(root),
       .notes = notes(clock),
       .decoder = decoder_maker(config)};
-  const auto where = positions(config, *shared.bus);
+  CalibrationUsed calibration;
+  const auto where = positions(config, *shared.bus, calibration);
   want_usbfs_memory(config, where.size(), root.get());
   return {.clock = clock,
           .cameras = make_cameras(config, shared, where),
           .truth = nullptr,
           .background = {},
-          .name = fmt::format("kinect2: {} sensors", where.size())};
+          .name = fmt::format("kinect2: {} sensors", where.size()),
+          .calibration = std::move(calibration)};
 }
 
 #ifdef BOOTHD_EMULATOR
@@ -220,7 +225,8 @@ DepthSource open_emulated_kinect(const Config& config, drivers::Person person, s
           .cameras = make_cameras(config, shared, where, config.cameras.emulated.rate),
           .truth = std::move(emulated.truth),
           .background = std::move(emulated.background),
-          .name = fmt::format("kinect2-emulated: {} {} noise {} seed {}", synthetic.body, synthetic.motion, synthetic.noise, synthetic.seed)};
+          .name = fmt::format("kinect2-emulated: {} {} noise {} seed {}", synthetic.body, synthetic.motion, synthetic.noise, synthetic.seed),
+          .calibration = {.source = CalibrationUsed::Source::layout}};
 }
 #endif
 

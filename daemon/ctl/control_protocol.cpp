@@ -134,6 +134,12 @@ Json make_status(const DaemonStatus& s) {
   j["dds_security"] = s.dds_security;
   j["credential_problem"] = s.credential_problem;
   j["calibration"] = calibration_json(s.calibration);
+  // Named as on DDS; what is not known is null.
+  const auto known = [](auto value) { return value >= 0 ? Json(value) : Json(nullptr); };
+  j["calibration_age_s"] = known(s.calibration_age_s);
+  j["calibration_residual"] = known(s.calibration_residual);
+  j["disk_free_bytes"] = known(s.disk.free);
+  j["disk_total_bytes"] = known(s.disk.total);
   if (s.last_summary) j["last_session"] = Json::parse(s.last_summary->json, nullptr, false);
   return j;
 }

@@ -40,6 +40,10 @@ class Page {
     family(name, type, help);
     sample(value);
   }
+  /// A gauge that is left out where boothd does not know it: a zero would be a value.
+  void known(std::string_view name, std::string_view help, const StatusJson& status, const char* key) {
+    if (has_number(status, key)) one(name, "gauge", help, number_in(status, key));
+  }
   /// Milliseconds in, seconds out.
   void summary(const StatusJson& ms, Labels labels = {}) {
     for (const auto& [key, quantile] : {std::pair{"p50", "0.5"}, std::pair{"p95", "0.95"}, std::pair{"p99", "0.99"}}) {
@@ -115,6 +119,10 @@ void add_health(Page& page, const StatusJson& s) {
   page.one("dds_failures_total", "counter", "Samples that could not be written.", number_in(s, "dds_failures"));
   page.one("backend_problem", "gauge", "1 where the fit is not computed by what was configured.", text_in(part_of(s, "backend"), "problem").empty() ? 0 : 1);
   page.one("backend_losses_total", "counter", "Times the device that computes the fit was lost.", number_in(part_of(s, "backend"), "losses"));
+  page.known("calibration_age_seconds", "Time since the cameras were calibrated; absent where not known.", s, "calibration_age_s");
+  page.known("calibration_residual_meters", "Held-out error of that calibration between two cameras; absent where not known.", s, "calibration_residual");
+  page.known("disk_free_bytes", "Room where sessions are kept.", s, "disk_free_bytes");
+  page.known("disk_size_bytes", "Size of the disk where sessions are kept.", s, "disk_total_bytes");
   const StatusJson recorder = part_of(s, "recorder");
   page.one("recorder_held_seconds", "gauge", "How far back the black box reaches.", number_in(recorder, "seconds_held"));
   page.one("recorder_held_bytes", "gauge", "Memory that the black box fills.", number_in(recorder, "bytes_held"));

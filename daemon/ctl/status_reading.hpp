@@ -14,9 +14,11 @@ inline std::string text_in(const StatusJson& j, const char* key) {
   return j.is_object() && j.contains(key) && j[key].is_string() ? j[key].get<std::string>() : std::string();
 }
 inline bool flag_in(const StatusJson& j, const char* key) { return j.is_object() && j.contains(key) && j[key].is_boolean() && j[key].get<bool>(); }
+/// Whether there is a number of that name; what boothd does not know is null.
+inline bool has_number(const StatusJson& j, const char* key) { return j.is_object() && j.contains(key) && j[key].is_number(); }
 /// Always finite.
 inline double number_in(const StatusJson& j, const char* key) {
-  if (!j.is_object() || !j.contains(key) || !j[key].is_number()) return 0;
+  if (!has_number(j, key)) return 0;
   const double value = j[key].get<double>();
   return std::isfinite(value) ? value : 0;
 }

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "daemon/ctl/control_client.hpp"
+#include "daemon/ctl/status_reading.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/drivers_factory.usb.hpp"
 
@@ -35,6 +36,24 @@ void add_places(Json& status) {
 }
 
 std::string camera_state(const std::string& state) { return state == "running" ? "delivering" : state == "lost" ? "recovering" : state; }
+
+std::string age(double seconds) {
+  constexpr double kHour = 3600, kDay = 24 * kHour;
+  return seconds < kHour      ? "less than an hour ago"
+         : seconds < 2 * kDay ? fmt::format("{:.0f} hours ago", seconds / kHour)
+                              : fmt::format("{:.0f} days ago", seconds / kDay);
+}
+
+/// What the cameras' places and the sessions' disk are worth.
+std::string calibration_and_disk(const Json& s) {
+  const bool dated = has_number(s, "calibration_age_s"), measured = has_number(s, "calibration_residual");
+  std::string out = "calibrated " + (dated ? age(number_in(s, "calibration_age_s")) : "not known when");
+  out += measured ? fmt::format(", residual {:.1f} mm\n", 1e3 * number_in(s, "calibration_residual")) : ", residual not known\n";
+  out += !has_number(s, "disk_free_bytes") ? "disk       not known\n"
+                                           : fmt::format("disk       {:.1f} of {:.1f} GB free where sessions are kept\n", number_in(s, "disk_free_bytes") / 1e9,
+                                                         number_in(s, "disk_total_bytes") / 1e9);
+  return out;
+}
 
 std::string for_people(const Json& s) {
   std::string out =
@@ -79,6 +98,7 @@ std::string for_people(const Json& s) {
     if (s.contains("residual")) out += fmt::format(", residual {:.1f} mm", 1e3 * s.value("residual", 0.0));
     out += "\n";
   }
+  out += calibration_and_disk(s);
   if (const std::string folder = s.value("session_folder", ""); !folder.empty()) out += "session    " + folder + "\n";
   return out;
 }

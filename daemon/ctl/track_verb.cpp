@@ -167,6 +167,7 @@ void run(const Options& options) {
   info.preset = options.config.fit.preset;
   info.models = setup.versions;
   for (const auto& camera : source.cameras) info.cameras.push_back(camera->description().name);
+  info.calibration = source.calibration;
   info.seed = static_cast<std::uint64_t>(options.config.fit.seed);
   info.threads = static_cast<int>(options.config.fit.threads);
   info.result = "complete";

@@ -45,6 +45,19 @@ std::string iso_time(std::int64_t utc_ns) {
   return utc_ns == 0 ? "" : fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03}Z", utc_calendar(utc_ns), utc_ns / 1'000'000 % 1000);
 }
 
+constexpr const char* kHeldOut[] = {"corner", "corner_p95", "plane"};  // as `calibration.held_out.*_mm` of the file, in metres
+
+Json calibration_json(const CalibrationUsed& c) {
+  if (c.source == CalibrationUsed::Source::unknown) return nullptr;
+  if (c.source == CalibrationUsed::Source::layout) return "layout";
+  const auto text = [](const std::string& s) { return s.empty() ? Json(nullptr) : Json(s); };
+  const auto length = [](double v) { return v >= 0 ? Json(v) : Json(nullptr); };
+  return {{"file", c.file},
+          {"utc", text(c.utc)},
+          {"checksum", text(c.checksum)},
+          {"held_out", {{kHeldOut[0], length(c.held_out_corner)}, {kHeldOut[1], length(c.held_out_corner_p95)}, {kHeldOut[2], length(c.held_out_plane)}}}};
+}
+
 Json info_json(const SessionInfo& info) {
   Json j;
   j["format"] = kSessionFormat;
@@ -58,6 +71,7 @@ Json info_json(const SessionInfo& info) {
   j["ended"] = iso_time(info.ended_utc_ns);
   j["source"] = info.source;
   j["cameras"] = info.cameras;
+  j["calibration"] = calibration_json(info.calibration);
   j["preset"] = info.preset;
   j["seed"] = info.seed;
   j["threads"] = info.threads;
@@ -152,6 +166,24 @@ std::vector<SessionHappening> events_of(const Json& j) {
   return out;
 }
 
+/// What a session.json tells of the calibration. One of an older boothd tells nothing, and what is not as it was written is not known.
+CalibrationUsed calibration_of(const Json& j) {
+  CalibrationUsed out;
+  if (!j.contains("calibration")) return out;
+  const Json& c = j["calibration"];
+  if (c == "layout") out.source = CalibrationUsed::Source::layout;
+  if (!c.is_object() || text_of(c, "file").empty()) return out;
+  out = {.source = CalibrationUsed::Source::file, .file = text_of(c, "file"), .utc = text_of(c, "utc"), .checksum = text_of(c, "checksum")};
+  const auto length = [&](const char* key) {
+    const bool said = c.contains("held_out") && c["held_out"].is_object() && c["held_out"].contains(key) && c["held_out"][key].is_number();
+    return said ? c["held_out"][key].get<double>() : -1;
+  };
+  out.held_out_corner = length(kHeldOut[0]);
+  out.held_out_corner_p95 = length(kHeldOut[1]);
+  out.held_out_plane = length(kHeldOut[2]);
+  return out;
+}
+
 /// What a write was that never came to its end; its file, where there was one before, is still whole.
 void remove_half_files(const fs::path& folder) {
   std::vector<fs::path> halves;
@@ -186,6 +218,7 @@ SessionInfo interrupted_info(const fs::path& folder, const Json& old) {
       if (item.is_string()) (std::strcmp(key, "cameras") == 0 ? info.cameras : info.models).push_back(item.get<std::string>());
     }
   }
+  info.calibration = calibration_of(old);
   info.events = events_of(old);
   info.result = "interrupted";
   info.reason = "boothd ended before the session did";

@@ -8,6 +8,7 @@
 
 #include "daemon/pipeline/frame_record.hpp"
 #include "daemon/pipeline/latency_histogram.hpp"
+#include "daemon/record/calibration_used.hpp"
 
 namespace booth::daemon {
 
@@ -26,6 +27,7 @@ struct SessionInfo {
   std::string booth, software, source, preset;
   std::vector<std::string> models;   ///< versions
   std::vector<std::string> cameras;  ///< names
+  CalibrationUsed calibration;
   std::uint64_t seed = 0;
   int threads = 0;
   std::int64_t began_utc_ns = 0, ended_utc_ns = 0;

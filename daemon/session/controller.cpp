@@ -90,6 +90,7 @@ void Controller::loop() {
     take_frames();
     watch_cameras();
     watch_rest();
+    watch_disk();
     watch_calibration();
     watch_log();
     const hal::MonotonicTime now = clock_.now();
@@ -174,6 +175,16 @@ void Controller::watch_rest() {
     }
     news_.credentials(problem);
   }
+}
+
+void Controller::watch_disk() {
+  const hal::MonotonicTime now = clock_.now();
+  if (now < next_disk_look_) return;
+  next_disk_look_ = now + 1s;
+  const PatientProgress::Busy busy(progress_);  // a disk that is slow to answer is no hung thread
+  const DiskSpace disk = disk_space(settings_.session_directory);
+  const std::lock_guard lock(shared_mutex_);
+  disk_ = disk;
 }
 
 void Controller::apply(const SessionOutcome& outcome, const std::string& source) {
@@ -349,7 +360,7 @@ void Controller::publish_status(bool force) {
   if (!force && key == status_key_ && now - last_status_ < 1s) return;
   status_key_ = std::move(key);
   last_status_ = now;
-  dds_->publish(status_sample(s, settings_, clock_.utc_now().time_since_epoch().count()));
+  dds_->publish(status_sample(s));
 }
 
 void Controller::set_alarm(const std::string& text) {
@@ -391,12 +402,16 @@ DaemonStatus Controller::status() const {
     out.drift = fitter_->drift();
   }
   if (settings_.calibrator) out.calibration = settings_.calibrator->status();
+  if (settings_.calibrated_utc_ns > 0)
+    out.calibration_age_s = static_cast<double>(clock_.utc_now().time_since_epoch().count() - settings_.calibrated_utc_ns) / 1e9;
+  out.calibration_residual = settings_.calibration_residual;
   const std::lock_guard lock(shared_mutex_);
   out.paused = paused_;
   out.latched = latched_;
   out.body_known = body_known_;
   out.countdown_seconds = countdown_;
   out.panel = panel_;
+  out.disk = disk_;
   out.session_alarm = alarm_;
   out.dds_security = settings_.dds_security;
   out.credential_problem = credential_problem_;

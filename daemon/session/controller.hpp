@@ -17,6 +17,7 @@
 
 #include "daemon/dds/dds_link.hpp"
 #include "daemon/health/patient_progress.hpp"
+#include "daemon/io/disk_space.hpp"
 #include "daemon/pipeline/pipeline.hpp"
 #include "daemon/record/session_files.hpp"
 #include "daemon/record/session_log.hpp"
@@ -40,7 +41,7 @@ struct ControllerSettings {
   std::shared_ptr<const hal::GroundTruth> truth;  ///< may be null
   std::shared_ptr<const PublicKey> seal_to{};     ///< sessions are sealed to it; null: they are not
   std::int64_t calibrated_utc_ns = 0;             ///< when the cameras were calibrated; 0: not known
-  double calibration_residual = -1;               ///< metres; negative: not known
+  double calibration_residual = -1;               ///< between two cameras, on views held out, metres; negative: not known
   /// Hears of everything that happens, on the controller's thread: kind, source, text. May be empty.
   std::function<void(const std::string&, const std::string&, const std::string&)> on_event{};
   std::string dds_absent{};                           ///< why this booth is not on DDS although it should be, an alarm; empty: it is, or it should not be
@@ -90,6 +91,9 @@ struct DaemonStatus {
   bool dds_absent = false;  ///< it should be there and is not; dds_problem says why
   std::string dds_security, credential_problem;
   CalibrationStatus calibration;
+  double calibration_age_s = -1;     ///< of the one that the cameras have; negative: not known, also where the clock says that it is still to come
+  double calibration_residual = -1;  ///< its held-out error between two cameras, metres; negative: not known
+  DiskSpace disk;                    ///< where sessions are kept, a second ago at most
 };
 
 /// Public functions are thread-safe unless they say otherwise.
@@ -135,6 +139,7 @@ class Controller final : public FrameSink {
   void take_frames();
   void watch_cameras();
   void watch_rest();  ///< who computes, panel, cameras off their places, credentials
+  void watch_disk();
   void watch_calibration();
   void watch_log();  ///< frames that cannot be written
   std::string why_no_calibration() const;
@@ -179,7 +184,7 @@ class Controller final : public FrameSink {
   bool body_published_ = false, log_trouble_told_ = false;
   BoothNews news_;
   CalibrationStatus calibration_said_;
-  hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{}, next_credential_look_{}, next_drift_look_{};
+  hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{}, next_credential_look_{}, next_drift_look_{}, next_disk_look_{};
   std::string status_key_;
   std::int64_t session_began_utc_ = 0;
   std::shared_ptr<const Seal> seal_;  ///< of this session; null: it is not sealed
@@ -193,6 +198,7 @@ class Controller final : public FrameSink {
   const char* remark_ = "";  ///< a constant sentence of the fitter's: log() may not allocate
   std::filesystem::path folder_;
   PanelStatus panel_;
+  DiskSpace disk_;
   int countdown_ = 0;
   bool latched_ = false, paused_ = false, body_known_ = false;
   std::optional<SessionSummary> summary_;

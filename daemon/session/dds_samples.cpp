@@ -2,7 +2,6 @@
 #include "daemon/session/dds_samples.hpp"
 
 #include <fmt/format.h>
-#include <sys/statvfs.h>
 
 #include "daemon/session/drift_words.hpp"
 #include "fit/body/measure.hpp"
@@ -11,16 +10,6 @@ namespace booth::daemon {
 namespace {
 
 constexpr std::int64_t kLowDisk = 1'000'000'000;  ///< bytes: a few sessions more, and their files will not be written
-
-void add_disk(StatusSample& out, std::filesystem::path folder) {
-  struct statvfs disk {};
-  while (::statvfs(folder.c_str(), &disk) != 0) {
-    if (folder.empty() || folder == folder.parent_path()) return;
-    folder = folder.parent_path();
-  }
-  out.disk_free_bytes = static_cast<std::int64_t>(disk.f_bavail) * static_cast<std::int64_t>(disk.f_frsize);
-  out.disk_total_bytes = static_cast<std::int64_t>(disk.f_blocks) * static_cast<std::int64_t>(disk.f_frsize);
-}
 
 void add_faults(StatusSample& out, const DaemonStatus& s) {
   const auto add = [&](const char* source, std::string text) { out.faults.emplace_back(source, std::move(text)); };
@@ -44,13 +33,13 @@ void add_faults(StatusSample& out, const DaemonStatus& s) {
 
 }  // namespace
 
-StatusSample status_sample(const DaemonStatus& s, const ControllerSettings& settings, std::int64_t now_utc_ns) {
+StatusSample status_sample(const DaemonStatus& s) {
   StatusSample out;
   out.state = wire_state(s.state);
   out.degraded = s.degraded;
   out.paused = s.paused;
   out.latched = s.latched;
-  out.software = settings.info.software;
+  out.software = s.software;
   out.session = s.session;
   out.alarm = s.alarm;
   for (const auto& camera : s.cameras) {
@@ -67,9 +56,10 @@ StatusSample status_sample(const DaemonStatus& s, const ControllerSettings& sett
   out.latency_p50_ms = static_cast<float>(s.latency.p50_ms);
   out.latency_p99_ms = static_cast<float>(s.latency.p99_ms);
   out.residual = s.last_known ? s.last.residual : 0;
-  if (settings.calibrated_utc_ns > 0) out.calibration_age_s = static_cast<double>(now_utc_ns - settings.calibrated_utc_ns) / 1e9;
-  out.calibration_residual = settings.calibration_residual;
-  add_disk(out, settings.session_directory);
+  out.calibration_age_s = s.calibration_age_s;
+  out.calibration_residual = s.calibration_residual;
+  out.disk_free_bytes = s.disk.free;
+  out.disk_total_bytes = s.disk.total;
   add_faults(out, s);
   return out;
 }

@@ -9,8 +9,7 @@
 
 namespace booth::daemon {
 
-/// `now_utc_ns` dates the calibration; the folder of the sessions (or the nearest one above it that exists) is asked for its disk.
-StatusSample status_sample(const DaemonStatus& status, const ControllerSettings& settings, std::int64_t now_utc_ns);
+StatusSample status_sample(const DaemonStatus& status);
 
 /// Shape, bones and measurements of the body in `frame`. Allocates; a few milliseconds.
 BodySample body_sample(const FrameRecord& frame, const fit::BodyModel& model, const std::string& session);

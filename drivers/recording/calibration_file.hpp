@@ -16,7 +16,10 @@ inline constexpr std::int64_t kCalibrationVersion = 1;
 /// What a reader may want to know of a file besides its cameras.
 struct CalibrationNotes {
   std::vector<std::string> newer;  ///< sentences about a file of the next version, of which things are passed over
-  bool checksum = false;           ///< it has one, which is right; a file without was edited, or written by an older program
+  std::string checksum;            ///< "crc64:...", and right; empty: the file was edited, or written by an older program
+  std::string utc;                 ///< `calibration.utc`, when it was measured; empty: not said
+  /// `calibration.held_out.corner_mm`, `corner_p95_mm` and `plane_mm` (docs/design/calibration.md), in metres; negative: not said, or no length.
+  double held_out_corner = -1, held_out_corner_p95 = -1, held_out_plane = -1;
 };
 
 /// The [[camera]] tables in their order. Throws std::runtime_error naming file, line and key; also where the file has a checksum and was changed since.

@@ -114,7 +114,7 @@ std::string read_whole(const std::filesystem::path& file) {
 
 void look_at_checksum(const std::filesystem::path& file, const toml::table& root, const std::string& text, CalibrationNotes* notes) {
   const toml::node* node = root.get("checksum");
-  if (notes != nullptr) notes->checksum = node != nullptr;
+  if (notes != nullptr) notes->checksum = node != nullptr ? node->value_or(std::string()) : std::string();
   if (node == nullptr) return;
   const auto line = "line " + std::to_string(node->source().begin.line) + ": ";
   switch (check_checksum(text)) {
@@ -141,6 +141,20 @@ void check_version(const std::filesystem::path& file, const toml::table& root, C
     notes->newer.push_back(file.string() + ": " + hal::file_version_complaint(*found, kCalibrationVersion));
 }
 
+/// Only told, never computed with: what is not as this program writes it is as good as missing, and no reason to refuse the cameras.
+void note_origin(const toml::table& root, CalibrationNotes& notes) {
+  constexpr double kMost = 1e6;  // mm
+  const auto& origin = root["calibration"];
+  notes.utc = origin["utc"].value_or(std::string());
+  const auto metres = [&](const char* key) {
+    const double mm = origin["held_out"][key].value_or(-1.0);
+    return mm >= 0 && mm < kMost ? mm / 1000 : -1;
+  };
+  notes.held_out_corner = metres("corner_mm");
+  notes.held_out_corner_p95 = metres("corner_p95_mm");
+  notes.held_out_plane = metres("plane_mm");
+}
+
 }  // namespace
 
 toml::table parse_calibration(const std::filesystem::path& file, CalibrationNotes* notes) {
@@ -149,6 +163,7 @@ toml::table parse_calibration(const std::filesystem::path& file, CalibrationNote
     toml::table root = parse_toml(text, file.string());
     check_version(file, root, notes);
     look_at_checksum(file, root, text, notes);
+    if (notes != nullptr) note_origin(root, *notes);
     return root;
   } catch (const toml::parse_error& e) {
     fail(file, "line " + std::to_string(e.source().begin.line) + ": " + std::string(e.description()));

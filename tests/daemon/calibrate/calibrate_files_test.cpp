@@ -22,6 +22,7 @@
 #include "daemon/io/atomic_file.hpp"
 #include "daemon/io/file_bytes.hpp"
 #include "daemon/pipeline/estimator_fitter.hpp"
+#include "drivers/recording/calibration_file.hpp"
 #include "tests/support/complaint.hpp"
 
 namespace booth::tests {
@@ -102,6 +103,53 @@ TEST(CalibrationStore, WhatIsStoredIsReadBackToTheBit) {
   }
   EXPECT_EQ(back.by, r.by);
   EXPECT_EQ(back.square, 0.108);
+}
+
+/// What a session would say of the file.
+CalibrationUsed used(const fs::path& file, bool written = true) {
+  drivers::CalibrationNotes notes;
+  (void)drivers::read_calibration(file, &notes);
+  return calibration_used(file, notes, written);
+}
+
+TEST(CalibrationUsed, IsToldAsItIsStored) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  CalibrationRecord r = record();
+  r.result.errors.corner_mm = 4.25, r.result.errors.corner_p95_mm = 9.5, r.result.errors.plane_mm = 1.5;
+  store_calibration(file, r);
+  fs::last_write_time(file, fs::file_time_type::clock::now() + std::chrono::hours(24 * 365));  // a file that was copied is no newer calibration
+  const CalibrationUsed back = used(file);
+  EXPECT_EQ(back.source, CalibrationUsed::Source::file);
+  EXPECT_EQ(back.file, file.string());
+  EXPECT_EQ(back.utc, "2026-11-28T09:00:00Z");
+  EXPECT_EQ(calibrated_utc_ns(back), 1'795'856'400'000'000'000);
+  EXPECT_THAT(back.checksum, testing::MatchesRegex("crc64:[0-9a-f]{16}"));
+  EXPECT_THAT(read_file_bytes(file, 1u << 20), testing::HasSubstr("checksum = \"" + back.checksum + "\""));
+  EXPECT_DOUBLE_EQ(back.held_out_corner, 0.00425);
+  EXPECT_DOUBLE_EQ(back.held_out_corner_p95, 0.0095);
+  EXPECT_DOUBLE_EQ(back.held_out_plane, 0.0015);
+}
+
+TEST(CalibrationUsed, OneThatDoesNotSayWhenIsAsOldAsItsFile) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  for (const char* says :
+       {"", "[calibration]\nutc = 7\nheld_out = 3\n", "[calibration]\nutc = \"yesterday\"\n[calibration.held_out]\ncorner_mm = -1.0\nplane_mm = nan\n",
+        "[calibration]\nutc = \"9999-01-01T00:00:00Z\"\n[calibration.held_out]\ncorner_mm = inf\n"}) {
+    write_file_atomically(file, "version = 1\n" + std::string(says) + camera_table(record().cameras[0]));
+    const timespec then[2] = {{1'790'000'000, 0}, {1'790'000'000, 0}};
+    ASSERT_EQ(::utimensat(AT_FDCWD, file.c_str(), then, 0), 0);
+    const CalibrationUsed there = used(file);
+    EXPECT_EQ(calibrated_utc_ns(there), 1'790'000'000'000'000'000) << says;
+    EXPECT_EQ(there.utc, "2026-09-21T14:13:20Z") << says;
+    EXPECT_EQ(there.checksum, "") << says;
+    EXPECT_LT(there.held_out_corner, 0) << says;
+    EXPECT_LT(there.held_out_plane, 0) << says;
+    const CalibrationUsed copied = used(file, false);
+    EXPECT_EQ(copied.utc, "") << says;
+    EXPECT_EQ(calibrated_utc_ns(copied), 0) << says;
+  }
 }
 
 TEST(CalibrationStore, TheOneBeforeIsKeptAndARefusedOneTouchesNothing) {

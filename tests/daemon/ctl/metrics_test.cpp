@@ -74,6 +74,20 @@ TEST(Metrics, AreOfTheFormatAndInBaseUnits) {
   EXPECT_EQ(page.at("boothd_recorder_held_bytes"), 1024);
 }
 
+TEST(Metrics, CalibrationAndDiskAreLeftOutWhereNotKnown) {
+  StatusJson status = StatusJson::parse(kStatus);
+  status.update({{"calibration_age_s", 86400.5}, {"calibration_residual", 0.0042}, {"disk_free_bytes", 12'000'000'000}, {"disk_total_bytes", 64'000'000'000}});
+  auto page = read_page(metrics_text(status));
+  EXPECT_DOUBLE_EQ(page.at("boothd_calibration_age_seconds"), 86400.5);
+  EXPECT_DOUBLE_EQ(page.at("boothd_calibration_residual_meters"), 0.0042);
+  EXPECT_EQ(page.at("boothd_disk_free_bytes"), 12e9);
+  EXPECT_EQ(page.at("boothd_disk_size_bytes"), 64e9);
+  for (const char* key : {"calibration_age_s", "calibration_residual", "disk_free_bytes", "disk_total_bytes"}) status[key] = nullptr;
+  page = read_page(metrics_text(status));
+  for (const char* name : {"calibration_age_seconds", "calibration_residual_meters", "disk_free_bytes", "disk_size_bytes"})
+    EXPECT_FALSE(page.contains(std::string("boothd_") + name)) << name;
+}
+
 TEST(Metrics, NameNoSession) { EXPECT_THAT(metrics_text(StatusJson::parse(kStatus)), Not(HasSubstr("20261128T"))); }
 
 TEST(Metrics, SayThatBoothdDoesNotAnswer) {

@@ -32,6 +32,8 @@ struct SessionTest : ::testing::Test {
     settings.limits = {.lost = 200ms, .search = 1s, .session = 60s, .toggle_guard = 500ms};
     settings.minimum_cameras = 2;
     settings.models.men = tests::capsule_body();
+    settings.calibrated_utc_ns = calibrated_utc_ns;
+    settings.calibration_residual = calibration_residual;
     controller = std::make_unique<Controller>(settings, clock);
     pipeline = std::make_unique<Pipeline>(Pipeline::Settings{.minimum_cameras = 2, .synchroniser = {}}, cameras, clock, fitter, *controller);
     controller->run(*pipeline, fitter, nullptr);
@@ -46,6 +48,8 @@ struct SessionTest : ::testing::Test {
   json session_json() { return json::parse(read_text(std::filesystem::path(controller->status().session_folder) / "session.json")); }
 
   drivers::SystemClock clock;
+  std::int64_t calibrated_utc_ns = 0;
+  double calibration_residual = -1;
   tests::TemporaryFolder folder;
   hal::DepthCameras cameras;
   tests::FakeFitter fitter;
@@ -73,6 +77,34 @@ TEST_F(SessionTest, StartTrackStop) {
   EXPECT_GT(j["latency_ms"]["p50"].get<double>(), 0);
   EXPECT_TRUE(j["stage_ms"].contains("wait"));
   EXPECT_TRUE(std::filesystem::exists(std::filesystem::path(controller->status().session_folder) / "skeleton.csv"));
+}
+
+TEST_F(SessionTest, StatusTellsOfCalibrationAndDisk) {
+  calibrated_utc_ns = clock.utc_now().time_since_epoch().count() - 86'400'000'000'000;
+  calibration_residual = 0.0042;
+  build(folder.path / "not" / "yet" / "made");
+  ASSERT_TRUE(eventually([&] { return controller->status().disk.free >= 0; }));
+  const DaemonStatus status = controller->status();
+  const json j = json::parse(status_json(status));
+  EXPECT_NEAR(j["calibration_age_s"].get<double>(), 86400, 60);
+  EXPECT_EQ(j["calibration_residual"], 0.0042);
+  EXPECT_GT(j["disk_total_bytes"].get<std::int64_t>(), 0);
+  EXPECT_LE(j["disk_free_bytes"].get<std::int64_t>(), j["disk_total_bytes"].get<std::int64_t>());
+  const StatusSample sample = status_sample(status);
+  EXPECT_EQ(sample.calibration_age_s, status.calibration_age_s);
+  EXPECT_EQ(sample.calibration_residual, 0.0042);
+  EXPECT_EQ(sample.disk_free_bytes, status.disk.free);
+  EXPECT_EQ(sample.disk_total_bytes, status.disk.total);
+}
+
+TEST_F(SessionTest, WhatIsNotKnownOfTheCalibrationIsNull) {
+  calibrated_utc_ns = clock.utc_now().time_since_epoch().count() + 86'400'000'000'000;  // this clock was never set
+  build(folder.path);
+  const json j = json::parse(status_json(controller->status()));
+  for (const char* key : {"calibration_age_s", "calibration_residual"}) {
+    ASSERT_TRUE(j.contains(key)) << key;
+    EXPECT_EQ(j[key], json()) << key;
+  }
 }
 
 TEST_F(SessionTest, TwoSessionsAreTwoFolders) {
@@ -192,7 +224,7 @@ TEST_F(SessionTest, ACameraThatMovedIsAnAlarmAndNoReasonToStop) {
   EXPECT_EQ(j["cameras"][0]["drift"], (json{{"verdict", "stands"}}));
   EXPECT_EQ(j["cameras"][1]["drift"]["verdict"], "moved");
   EXPECT_DOUBLE_EQ(j["cameras"][1]["drift"]["displacement_mm"].get<double>(), 21);
-  const StatusSample sample = status_sample(status, {}, 0);
+  const StatusSample sample = status_sample(status);
   ASSERT_EQ(sample.faults.size(), 1u);
   EXPECT_EQ(sample.faults[0].first, "cameras");
   EXPECT_THAT(sample.faults[0].second, HasSubstr("c1 has moved"));

@@ -269,6 +269,69 @@ TEST(SessionFiles, WhatWasInterruptedIsClosedAsSuch) {
   EXPECT_TRUE(close_interrupted_sessions(folder.path, models()).empty()) << "once is enough";
 }
 
+CalibrationUsed calibration() {
+  return {.source = CalibrationUsed::Source::file,
+          .file = "/var/lib/boothd/calibration.toml",
+          .utc = "2026-11-28T09:00:00Z",
+          .checksum = "crc64:0f1e2d3c4b5a6978",
+          .held_out_corner = 0.0041,
+          .held_out_corner_p95 = 0.009,
+          .held_out_plane = -1};
+}
+
+TEST(SessionFiles, SayWhichCalibrationWasUsedAlsoAfterAPowerCut) {
+  TemporaryFolder folder;
+  SessionInfo info = info_at(kUtc);
+  info.calibration = calibration();
+  const json said{{"file", "/var/lib/boothd/calibration.toml"},
+                  {"utc", "2026-11-28T09:00:00Z"},
+                  {"checksum", "crc64:0f1e2d3c4b5a6978"},
+                  {"held_out", {{"corner", 0.0041}, {"corner_p95", 0.009}, {"plane", nullptr}}}};
+  const auto cut = create_session_folder(folder.path, info), whole = create_session_folder(folder.path / "whole", info);
+  EXPECT_EQ(json::parse(read_text(cut / "session.json"))["calibration"], said) << "from the beginning";
+  EXPECT_EQ(close_interrupted_sessions(folder.path, models()).size(), 1u);
+  EXPECT_EQ(json::parse(read_text(cut / "session.json"))["calibration"], said);
+  info.result = "complete";
+  info.calibration.checksum.clear();
+  finish_session(whole, info, frames(3), models(), nullptr);
+  EXPECT_EQ(json::parse(read_text(whole / "session.json"))["calibration"]["checksum"], json()) << "of a file that somebody has edited";
+}
+
+TEST(SessionFiles, WithoutACalibrationThatIsSaidToo) {
+  using Source = CalibrationUsed::Source;
+  for (const auto& [source, said] : {std::pair{Source::layout, json("layout")}, std::pair{Source::unknown, json()}}) {
+    TemporaryFolder folder;
+    SessionInfo info = info_at(kUtc);
+    info.calibration.source = source;
+    const auto session = create_session_folder(folder.path, info);
+    EXPECT_EQ(close_interrupted_sessions(folder.path, models()).size(), 1u);
+    const json j = json::parse(read_text(session / "session.json"));
+    ASSERT_TRUE(j.contains("calibration"));
+    EXPECT_EQ(j["calibration"], said);
+  }
+}
+
+TEST(SessionFiles, WhatAnOlderBoothdOrADiskSaidOfTheCalibrationStopsNothing) {
+  for (const char* key : {"", R"(,"calibration":null)", R"(,"calibration":7)", R"(,"calibration":"plan")", R"(,"calibration":{})",
+                          R"(,"calibration":{"file":3})", R"(,"calibration":[{"file":"x"}])"}) {
+    TemporaryFolder folder;
+    const std::string name = "20260101T000000Z-00ff/session.json";
+    folder.write(name, std::string(R"({"result":"running","booth":"b")") + key + "}");
+    EXPECT_EQ(close_interrupted_sessions(folder.path, models()).size(), 1u) << key;
+    const json j = json::parse(read_text(folder.path / name));
+    EXPECT_EQ(j["result"], "interrupted") << key;
+    EXPECT_EQ(j["booth"], "b") << key;
+    EXPECT_EQ(j["calibration"], json()) << key;
+  }
+  TemporaryFolder folder;
+  const auto file = folder.write("20260101T000000Z-00ff/session.json", R"({"result":"running","calibration":{"file":"x","utc":1,"held_out":{"corner":"y"}}})");
+  EXPECT_EQ(close_interrupted_sessions(folder.path, models()).size(), 1u);
+  const json j = json::parse(read_text(file))["calibration"];
+  EXPECT_EQ(j["file"], "x");
+  EXPECT_EQ(j["utc"], json());
+  EXPECT_EQ(j["held_out"]["corner"], json());
+}
+
 TEST(SessionFiles, AHostileLogIsNoCrash) {
   TemporaryFolder folder;
   const auto session = create_session_folder(folder.path, info_at(kUtc));
