@@ -300,7 +300,8 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
       continue;
     }
     residuals.push_back(static_cast<double>(f.residual));
-    last_good = &f;
+    // Whoever comes by at the end, not known yet, is not whom this session was about.
+    if (!last_good || f.body_accepted || !last_good->body_accepted) last_good = &f;
     if (!accepted && f.body_accepted) {
       accepted = true;
       accepted_at = f.sequence;

@@ -212,7 +212,7 @@ bool CloudBuilder::Impl::assign(std::span<const DepthInput> inputs, Observation&
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     View& view = out.views[i];
     const std::size_t pixels = work[i].pixel.size();
-    const auto nodes = static_cast<std::size_t>(cameras[i].width / kSilhouetteStep) * static_cast<std::size_t>(cameras[i].height / kSilhouetteStep);
+    const auto nodes = static_cast<std::size_t>(silhouette_places(cameras[i].width)) * static_cast<std::size_t>(silhouette_places(cameras[i].height));
     if (view.depth.size() != pixels || view.label.size() != pixels || view.nearest_dx.size() != nodes || view.nearest_dy.size() != nodes) {
       report.outcome = CloudOutcome::unprepared;
       return false;
@@ -447,7 +447,7 @@ Observation CloudBuilder::make_observation(int cloud_capacity) const {
     view.camera = camera;
     view.depth.resize(impl_->work[i].pixel.size());
     view.label.resize(view.depth.size(), PixelLabel::unknown);
-    view.nearest_dx.resize(static_cast<std::size_t>(camera.width / kSilhouetteStep) * static_cast<std::size_t>(camera.height / kSilhouetteStep),
+    view.nearest_dx.resize(static_cast<std::size_t>(silhouette_places(camera.width)) * static_cast<std::size_t>(silhouette_places(camera.height)),
                            kSilhouetteFar);
     view.nearest_dy.resize(view.nearest_dx.size(), kSilhouetteFar);
   }

@@ -55,6 +55,8 @@ struct View {
   std::vector<std::int16_t> nearest_dx, nearest_dy;
 };
 inline constexpr int kSilhouetteStep = 4;
+/// How many of the silhouette's places a row or column of so many pixels has; what is left of a step at the edge has one, too.
+constexpr int silhouette_places(int pixels) { return (pixels + kSilhouetteStep - 1) / kSilhouetteStep; }
 inline constexpr std::int16_t kSilhouetteFar = 1000;
 
 /// Fixed buffers, filled again for every group of frames.

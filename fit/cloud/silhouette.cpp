@@ -1,6 +1,7 @@
 // Two sweeps that carry each node's way to its nearest person pixel on to its neighbours.
 #include "fit/cloud/silhouette.hpp"
 
+#include <algorithm>
 #include <cstdlib>
 
 namespace booth::fit {
@@ -26,13 +27,16 @@ struct Map {
 
 void map_silhouette(View& view) {
   const int pixels_across = view.camera.width;
-  const Map map{view.nearest_dx.data(), view.nearest_dy.data(), pixels_across / kSilhouetteStep, view.camera.height / kSilhouetteStep};
+  const Map map{view.nearest_dx.data(), view.nearest_dy.data(), silhouette_places(pixels_across), silhouette_places(view.camera.height)};
   for (int y = 0; y < map.height; ++y) {
     for (int x = 0; x < map.width; ++x) {
       int best = 2 * kSilhouetteStep * kSilhouetteStep, best_dx = kSilhouetteFar, best_dy = kSilhouetteFar;
-      for (int j = 0; j < kSilhouetteStep; ++j) {
+      // Images that are no whole number of steps across have smaller blocks at the edge.
+      const int rows = std::min(kSilhouetteStep, view.camera.height - y * kSilhouetteStep);
+      const int columns = std::min(kSilhouetteStep, pixels_across - x * kSilhouetteStep);
+      for (int j = 0; j < rows; ++j) {
         const PixelLabel* label = view.label.data() + (y * kSilhouetteStep + j) * pixels_across + x * kSilhouetteStep;
-        for (int i = 0; i < kSilhouetteStep; ++i)
+        for (int i = 0; i < columns; ++i)
           if (label[i] == PixelLabel::person && i * i + j * j < best) best = i * i + j * j, best_dx = i, best_dy = j;
       }
       map.dx[y * map.width + x] = static_cast<std::int16_t>(best_dx);

@@ -201,8 +201,7 @@ void Refiner::collect(const Problem& problem, int portion, bool rows) {
           out.energy += static_cast<double>(free_weight * free_robust.cost(before * before));
           add_row(v, view.camera.rotation.row(2).transpose(), -before, free_weight * free_robust.weight(before * before));
         } else if (pixel.z < view.depth[at] - kBackgroundMargin) {
-          const int columns = (view.camera.width + kSilhouetteStep - 1) / kSilhouetteStep;
-          const auto cell = static_cast<std::size_t>((w / kSilhouetteStep) * columns + u / kSilhouetteStep);
+          const auto cell = static_cast<std::size_t>((w / kSilhouetteStep) * silhouette_places(view.camera.width) + u / kSilhouetteStep);
           const float dx = view.nearest_dx[cell], dy = view.nearest_dy[cell];
           const float pixels = std::sqrt(dx * dx + dy * dy);
           if (pixels <= kSilhouetteMargin + kSilhouetteStep) continue;

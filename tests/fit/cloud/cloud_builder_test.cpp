@@ -12,6 +12,7 @@
 #include "analytic_scene.hpp"
 #include "fit/cloud/pixel_rays.hpp"
 #include "fit/cloud/projection.hpp"
+#include "fit/cloud/silhouette.hpp"
 #include "tests/support/allocation_count.hpp"
 
 namespace booth::fit {
@@ -567,7 +568,7 @@ TEST(CloudBuilder, TheSilhouetteMapLeadsToThePerson) {
     for (int v = 0; v < view.camera.height; ++v)
       for (int u = 0; u < view.camera.width; ++u)
         if (view.label[static_cast<std::size_t>(v * view.camera.width + u)] == PixelLabel::person) person.emplace_back(u, v);
-    const int across = view.camera.width / kSilhouetteStep;
+    const int across = silhouette_places(view.camera.width);
     for (std::size_t node = 0; node < view.nearest_dx.size(); node += 37) {
       const int u = static_cast<int>(node) % across * kSilhouetteStep, v = static_cast<int>(node) / across * kSilhouetteStep;
       const int du = view.nearest_dx[node], dv = view.nearest_dy[node];
@@ -579,6 +580,27 @@ TEST(CloudBuilder, TheSilhouetteMapLeadsToThePerson) {
       EXPECT_EQ(inside, du == 0 && dv == 0);
     }
   }
+}
+
+View outlined(int width, int height) {
+  View view;
+  view.camera.width = width, view.camera.height = height;
+  view.label.assign(static_cast<std::size_t>(width * height), PixelLabel::unknown);
+  for (const auto& [u, v] : {std::pair{250, 200}, {251, 203}, {509, 421}, {3, 420}}) view.label[static_cast<std::size_t>(v * width + u)] = PixelLabel::person;
+  const auto places = static_cast<std::size_t>(silhouette_places(width) * silhouette_places(height));
+  view.nearest_dx.assign(places, kSilhouetteFar);
+  view.nearest_dy.assign(places, kSilhouetteFar);
+  map_silhouette(view);
+  return view;
+}
+
+TEST(Silhouette, ImagesThatAreNoWholeNumberOfStepsAreReadToTheirEdges) {
+  // The same picture without its last two rows and columns, in which nobody is: as many places, and the same ways from all of them.
+  const View whole = outlined(512, 424), cut = outlined(510, 422);
+  EXPECT_EQ(whole.nearest_dx, cut.nearest_dx);
+  EXPECT_EQ(whole.nearest_dy, cut.nearest_dy);
+  EXPECT_EQ(cut.nearest_dx.back(), 1);  // from pixel (508, 420)
+  EXPECT_EQ(cut.nearest_dy.back(), 1);
 }
 
 }  // namespace
