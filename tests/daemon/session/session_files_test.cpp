@@ -269,6 +269,28 @@ TEST(SessionFiles, WhatWasInterruptedIsClosedAsSuch) {
   EXPECT_TRUE(close_interrupted_sessions(folder.path, models()).empty()) << "once is enough";
 }
 
+TEST(SessionFiles, SayHowMuchOfTheBodyWasSeen) {
+  struct Case {
+    float coverage;
+    std::uint8_t cameras;
+    const char* word;
+  };
+  for (const Case& c : {Case{0.85f, 4, "full"}, Case{0.55f, 4, "partial"}, Case{0.9f, 1, "partial"}, Case{0.71f, 2, "full"}}) {
+    TemporaryFolder folder;
+    auto recorded = frames(4);
+    for (auto& f : recorded) f.coverage = c.coverage, f.cameras = c.cameras;
+    recorded[1].person = PersonState::lost, recorded[1].coverage = 0;
+    const SessionSummary summary = finish_session(create_session_folder(folder.path, info_at(kUtc)), info_at(kUtc), recorded, models(), nullptr);
+    const json j = json::parse(summary.json);
+    EXPECT_EQ(j["coverage"], c.word) << c.coverage;
+    EXPECT_NEAR(j["coverage_fraction"].get<double>(), static_cast<double>(c.coverage), 1e-4) << "frames without a person do not count";
+    EXPECT_EQ(summary.partial, j["coverage"] == "partial");
+  }
+  TemporaryFolder folder;
+  const json nobody = json::parse(finish_session(create_session_folder(folder.path, info_at(kUtc)), info_at(kUtc), {}, models(), nullptr).json);
+  EXPECT_FALSE(nobody.contains("coverage"));
+}
+
 CalibrationUsed calibration() {
   return {.source = CalibrationUsed::Source::file,
           .file = "/var/lib/boothd/calibration.toml",
