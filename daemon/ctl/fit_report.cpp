@@ -7,6 +7,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "daemon/pipeline/coverage.hpp"
 #include "fit/body/measure.hpp"
 
 namespace booth::daemon {
@@ -30,12 +31,6 @@ double worst_sd(const Eigen::Matrix3d& covariance) {
 
 }  // namespace
 
-bool coverage_is_partial(const fit::FitResult& result, std::size_t viewpoints) {
-  // Points of one side explain 50 to 60 % of the surface (what lies near a seen point counts as explained), points of all sides over 80 %.
-  constexpr double kWhole = 0.7;
-  return viewpoints == 1 || result.coverage < kWhole;
-}
-
 std::string refusal(const fit::FitResult& result) {
   // Far outside what any clothing, hair or noise does to a scan (a right fit of a bare body is at 2 to 4 mm), and well inside what a cube,
   // a wall or a body lying on its side (wrong axes) gives.
@@ -51,8 +46,7 @@ std::string refusal(const fit::FitResult& result) {
 std::vector<std::string> warnings(const fit::FitResult& result, std::size_t viewpoints, bool clothed) {
   const double doubtful_mean = clothed ? 0.03 : 0.015, doubtful_tail = clothed ? 0.09 : 0.05;
   std::vector<std::string> out;
-  if (coverage_is_partial(result, viewpoints))
-    out.push_back(fmt::format("coverage: partial. The points show {:.0f} % of the body; the rest is inferred and less certain", 100 * result.coverage));
+  if (coverage_is_partial(result.coverage, viewpoints)) out.push_back(partial_coverage_sentence(result.coverage));
   std::string unseen;
   for (int b = 0; b < fit::kBones; ++b)
     if ((result.unseen >> b & 1u) != 0) unseen += fmt::format("{}{}", unseen.empty() ? "" : ", ", fit::bones()[static_cast<std::size_t>(b)].name);
@@ -116,7 +110,7 @@ std::string fit_json(const fit::FitResult& result, const fit::BodyModel& model, 
     out["cloud_to_model_detail"] = distances(context.detail->cloud_to_model);
     out["detail"] = {{"seen_fraction", context.detail->seen}, {"mean_offset", context.detail->mean}, {"largest_offset", context.detail->largest}};
   }
-  out["coverage"] = coverage_is_partial(result, context.viewpoints) ? "partial" : "full";
+  out["coverage"] = coverage_word(coverage_is_partial(result.coverage, context.viewpoints));
   out["coverage_fraction"] = result.coverage;
   out["warnings"] = warnings(result, context.viewpoints, context.clothed);
   out["input"] = {{"files", context.files},        {"points", context.points},         {"dropped", context.dropped},

@@ -33,9 +33,6 @@ struct FitContext {
   std::optional<DetailSummary> detail;
 };
 
-/// True when so little of the body was seen that the rest is inferred: from one camera, about half of it is.
-bool coverage_is_partial(const fit::FitResult& result, std::size_t viewpoints);
-
 /// A body was found, but it does not explain the points: they are no person's, or not one person's. One sentence, empty when all is well.
 std::string refusal(const fit::FitResult& result);
 

@@ -14,6 +14,7 @@
 #include "daemon/drivers_factory.hpp"
 #include "daemon/io/fit_picture.hpp"
 #include "daemon/io/png_image.hpp"
+#include "daemon/pipeline/coverage.hpp"
 #include "daemon/pipeline/fit_setup.hpp"
 #include "daemon/pipeline/latency_histogram.hpp"
 #include "daemon/pipeline/offline_run.hpp"
@@ -187,6 +188,7 @@ void run(const Options& options) {
     if (options.detail) std::cout << fmt::format("body.ply carries detail averaged over {} frames\n", detail.moments());
     print_for_people(summary, folder, info.stages[static_cast<std::size_t>(Stage::cloud)].mean_ms + info.stages[static_cast<std::size_t>(Stage::fit)].mean_ms);
   }
+  if (summary.partial) std::cerr << "warning: " << partial_coverage_sentence(summary.coverage) << "\n";
   if (summary.frames_lost == summary.frames) std::cerr << "warning: nobody was found in any frame" << (remark.empty() ? "" : ": " + remark) << "\n";
 }
 

@@ -21,6 +21,7 @@
 
 #include "daemon/io/atomic_file.hpp"
 #include "daemon/io/file_bytes.hpp"
+#include "daemon/pipeline/coverage.hpp"
 #include "daemon/record/retention.hpp"
 #include "daemon/record/session_export.hpp"
 #include "daemon/record/session_json.hpp"
@@ -293,6 +294,7 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
   std::vector<double> residuals;
   const FrameRecord* last_good = nullptr;
   std::uint64_t accepted_at = 0;
+  std::size_t viewpoints = 0;  // the most cameras that a frame with a person came from
   bool accepted = false;
   for (const FrameRecord& f : frames) {
     if (f.person == PersonState::lost) {
@@ -302,6 +304,8 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
     residuals.push_back(static_cast<double>(f.residual));
     // Whoever comes by at the end, not known yet, is not whom this session was about.
     if (!last_good || f.body_accepted || !last_good->body_accepted) last_good = &f;
+    out.coverage += static_cast<double>(f.coverage);
+    viewpoints = std::max<std::size_t>(viewpoints, f.cameras);
     if (!accepted && f.body_accepted) {
       accepted = true;
       accepted_at = f.sequence;
@@ -313,6 +317,10 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
   }
   for (double r : residuals) out.residual_mean += r / static_cast<double>(residuals.size());
   out.residual_p95 = percentile(residuals, 0.95);
+  if (last_good) {
+    out.coverage /= static_cast<double>(residuals.size());
+    out.partial = coverage_is_partial(out.coverage, viewpoints);
+  }
 
   if (!frames.empty()) export_csv({folder / "skeleton.csv", seal}, frames);
   const fit::BodyModel* model = last_good ? models.of(last_good->sex) : nullptr;
@@ -352,6 +360,8 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
     if (other_model) j["body_problem"] = fmt::format("its {} coefficients are not those of a model with {}", last_good->shape_count, model->shape_count());
     j["body_accepted"] = accepted;
     if (accepted) j["body_accepted_at_frame"] = accepted_at;
+    j["coverage"] = coverage_word(out.partial);
+    j["coverage_fraction"] = std::round(out.coverage * 1e4) / 1e4;
   }
   if (truth) {
     const TruthError error = truth_error(frames, models, *truth);

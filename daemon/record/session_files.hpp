@@ -33,6 +33,8 @@ struct SessionSummary {
   std::uint64_t frames = 0, frames_lost = 0;
   double fps = 0, seconds = 0;
   double residual_mean = 0, residual_p95 = 0;
+  bool partial = false;  ///< so little of the body was seen that the rest is inferred (coverage_is_partial)
+  double coverage = 0;   ///< part of the surface that points explain, mean over the frames with a person
   bool truth_known = false;
   double joint_mean = 0, joint_p95 = 0, surface_mean = 0;  ///< metres
   std::string json;                                        ///< the whole of session.json

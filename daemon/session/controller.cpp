@@ -8,6 +8,7 @@
 
 #include "daemon/health/log.hpp"
 #include "daemon/health/messages.hpp"
+#include "daemon/pipeline/coverage.hpp"
 #include "daemon/session/dds_samples.hpp"
 
 namespace booth::daemon {
@@ -425,6 +426,9 @@ DaemonStatus Controller::status() const {
   out.session = session_;
   out.session_folder = folder_.string();
   out.remark = remark_;
+  const bool followed = out.state == SessionState::tracking && last_known_ && last_.person != PersonState::lost;
+  if (out.remark.empty() && followed && coverage_is_partial(static_cast<double>(last_.coverage), last_.cameras))
+    out.remark = partial_coverage_sentence(static_cast<double>(last_.coverage));
   out.last = last_;
   out.last_known = last_known_;
   out.last_summary = summary_;

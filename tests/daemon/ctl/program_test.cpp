@@ -166,6 +166,43 @@ TEST_F(ProgramTest, ATruncatedRecordingIsOneSentence) {
   EXPECT_EQ(std::count(output.begin(), output.end(), '\n'), 1) << output;
 }
 
+TEST_F(ProgramTest, OneCamerasRecordingIsTrackedWithAWarningAndItsCalibrationIsSaid) {
+  const std::filesystem::path recording = folder.path / "recording", calibration = recording / "calibration.toml";
+  EXPECT_EQ(run("boothctl", {"simulate", "--out", recording.string(), "--layout", "folder", "--motion", "a-pose", "--seconds", "1"}), 0) << output;
+  EXPECT_EQ(run("boothctl", {"track", recording.string(), "--out", (folder.path / "four").string()}), 0) << output;
+  EXPECT_EQ(output.find("warning:"), std::string::npos) << output;
+  json j = json::parse(read_text(folder.path / "four/session.json"));
+  EXPECT_EQ(j["coverage"], "full") << j["coverage_fraction"];
+  EXPECT_EQ(j["calibration"]["file"], calibration.string());
+  EXPECT_EQ(j["calibration"]["utc"], json()) << "the time of a copy says nothing";
+
+  // Its first camera alone, with what a stored calibration says of itself.
+  std::string text = read_text(calibration);
+  text.resize(text.find("[[camera]]", text.find("[[camera]]") + 1));
+  std::filesystem::remove(calibration);
+  folder.write("recording/calibration.toml",
+               text.insert(text.find("[[camera]]"), "[calibration]\nutc = \"2026-11-01T00:00:00Z\"\n[calibration.held_out]\ncorner_mm = 4.5\n\n"));
+  EXPECT_EQ(run("boothctl", {"track", recording.string(), "--out", (folder.path / "one").string()}), 0) << output;
+  EXPECT_THAT(output, HasSubstr("warning: coverage: partial. The points show "));
+  j = json::parse(read_text(folder.path / "one/session.json"));
+  EXPECT_EQ(j["coverage"], "partial") << j["coverage_fraction"];
+  EXPECT_EQ(j["calibration"]["utc"], "2026-11-01T00:00:00Z");
+  EXPECT_EQ(j["calibration"]["held_out"]["corner"], 0.0045);
+
+  auto arguments = daemon_arguments();
+  for (const std::string& s : {std::string("cameras.driver=recording"), "cameras.recording.path=" + recording.string(), std::string("cameras.minimum=1")})
+    arguments.insert(arguments.end(), {"--set", s});
+  Program boothd("boothd", arguments, folder.path / "boothd.log");
+  ASSERT_TRUE(is_ready()) << boothd.output();
+  const json status = ask("status");
+  EXPECT_EQ(status["calibration_residual"], 0.0045);
+  EXPECT_GT(status["calibration_age_s"].get<double>(), 0);
+  EXPECT_EQ(run("boothctl", {"status", "--socket", socket}), 0);
+  EXPECT_THAT(output, HasSubstr("ago, residual 4.5 mm\n"));
+  boothd.signal(SIGTERM);
+  EXPECT_EQ(boothd.wait(), 0);
+}
+
 TEST_F(ProgramTest, CheckConfigPrintsThePlan) {
   EXPECT_EQ(run("boothd", {"--check-config", "--set", "booth.id=lobby"}), 0) << output;
   EXPECT_THAT(output, HasSubstr("id = \"lobby\""));
@@ -236,11 +273,15 @@ TEST_F(ProgramTest, SigtermInTheMiddleOfASessionSavesIt) {
   const std::filesystem::path session = ask("status")["session_folder"].get<std::string>();
   EXPECT_EQ(run("boothctl", {"status", "--socket", socket}), 0);
   EXPECT_THAT(output, HasSubstr("front-left"));
+  EXPECT_THAT(output, HasSubstr("\ncalibrated not known when, residual not known\ndisk  "));
+  EXPECT_THAT(output, HasSubstr(" GB free where sessions are kept\n"));
   boothd.signal(SIGHUP);
   boothd.signal(SIGTERM);
   EXPECT_EQ(boothd.wait(), 0) << boothd.output();
   const json j = json::parse(read_text(session / "session.json"));
   EXPECT_EQ(j["result"], "complete");
+  EXPECT_EQ(j["calibration"], "layout");
+  EXPECT_EQ(j["coverage"], "full") << j["coverage_fraction"];
   EXPECT_GE(j["frames"].get<int>(), 3);
   EXPECT_TRUE(std::filesystem::exists(session / "skeleton.csv"));
   EXPECT_FALSE(std::filesystem::exists(socket));

@@ -107,6 +107,20 @@ TEST_F(SessionTest, WhatIsNotKnownOfTheCalibrationIsNull) {
   }
 }
 
+TEST_F(SessionTest, OneSideOfABodyIsRemarked) {
+  build(folder.path);
+  controller->request(SessionEvent::start, "test");
+  ASSERT_TRUE(reaches(SessionState::tracking));
+  EXPECT_EQ(controller->status().remark, "");
+  fitter.coverage = 0.55f;
+  ASSERT_TRUE(eventually([&] { return !controller->status().remark.empty(); }));
+  EXPECT_EQ(json::parse(status_json(controller->status()))["remark"],
+            "coverage: partial. The points show 55 % of the body; the rest is inferred and less certain");
+  controller->request(SessionEvent::stop, "test");
+  ASSERT_TRUE(reaches(SessionState::idle));
+  EXPECT_EQ(controller->status().remark, "") << "of nobody";
+}
+
 TEST_F(SessionTest, TwoSessionsAreTwoFolders) {
   build(folder.path);
   std::vector<std::string> seen;

@@ -246,6 +246,25 @@ TEST(SessionFiles, ACompleteSession) {
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 41);
 }
 
+TEST(SessionFiles, WhoeverComesByAtTheEndIsNotWhomTheSessionWasAbout) {
+  TemporaryFolder folder;
+  const SessionInfo info = info_at(kUtc);
+  const auto session = create_session_folder(folder.path / "sessions", info);
+  auto recorded = frames(40);
+  for (auto& f : recorded) f.beta[0] = 1;
+  for (std::size_t k = 32; k < recorded.size(); ++k) recorded[k].beta[0] = -3, recorded[k].body_accepted = false;
+  finish_session(session, info, recorded, models(), nullptr);
+  json said = json::parse(read_text(session / "session.json"));
+  EXPECT_EQ(said["beta"][0], 1.0);
+  EXPECT_EQ(said["body_accepted"], true);
+  // Whom nobody knew well enough is still better than nobody, and the last look is the best.
+  for (auto& f : recorded) f.body_accepted = false;
+  finish_session(session, info, recorded, models(), nullptr);
+  said = json::parse(read_text(session / "session.json"));
+  EXPECT_EQ(said["beta"][0], -3.0);
+  EXPECT_EQ(said["body_accepted"], false);
+}
+
 TEST(SessionFiles, WhatWasInterruptedIsClosedAsSuch) {
   TemporaryFolder folder;
   const auto session = create_session_folder(folder.path, info_at(kUtc));
@@ -267,6 +286,28 @@ TEST(SessionFiles, WhatWasInterruptedIsClosedAsSuch) {
   EXPECT_TRUE(std::filesystem::exists(session / "skeleton.bvh"));
   EXPECT_FALSE(std::filesystem::exists(folder.path / ".20260101T000001Z-0000.part"));
   EXPECT_TRUE(close_interrupted_sessions(folder.path, models()).empty()) << "once is enough";
+}
+
+TEST(SessionFiles, SayHowMuchOfTheBodyWasSeen) {
+  struct Case {
+    float coverage;
+    std::uint8_t cameras;
+    const char* word;
+  };
+  for (const Case& c : {Case{0.85f, 4, "full"}, Case{0.55f, 4, "partial"}, Case{0.9f, 1, "partial"}, Case{0.71f, 2, "full"}}) {
+    TemporaryFolder folder;
+    auto recorded = frames(4);
+    for (auto& f : recorded) f.coverage = c.coverage, f.cameras = c.cameras;
+    recorded[1].person = PersonState::lost, recorded[1].coverage = 0;
+    const SessionSummary summary = finish_session(create_session_folder(folder.path, info_at(kUtc)), info_at(kUtc), recorded, models(), nullptr);
+    const json j = json::parse(summary.json);
+    EXPECT_EQ(j["coverage"], c.word) << c.coverage;
+    EXPECT_NEAR(j["coverage_fraction"].get<double>(), static_cast<double>(c.coverage), 1e-4) << "frames without a person do not count";
+    EXPECT_EQ(summary.partial, j["coverage"] == "partial");
+  }
+  TemporaryFolder folder;
+  const json nobody = json::parse(finish_session(create_session_folder(folder.path, info_at(kUtc)), info_at(kUtc), {}, models(), nullptr).json);
+  EXPECT_FALSE(nobody.contains("coverage"));
 }
 
 CalibrationUsed calibration() {

@@ -83,6 +83,7 @@ class FakeFitter final : public daemon::FrameFitter {
     out.body_accepted = there && input.frame >= accept_at;
     out.q[0] = static_cast<double>(input.frame);
     out.residual = 0.01f;
+    out.coverage = coverage;
     ++steps;
   }
   const char* remark() const override { return there ? "" : "the stage is empty"; }
@@ -100,6 +101,7 @@ class FakeFitter final : public daemon::FrameFitter {
   std::atomic<bool> held{false};     ///< step() does not return before this is false again ...
   std::atomic<bool> holding{false};  ///< ... and says here that it waits
   std::atomic<bool> there{true};
+  std::atomic<float> coverage{0.85f};  ///< what four cameras show of a body
   std::uint64_t accept_at = 3;
   std::atomic<int> resets{0}, steps{0};
 

@@ -102,6 +102,16 @@ running || { boothctl status; show; fail "the cameras do not come back after boo
 figure "all cameras $(awk -v a="$begin" '{ printf "%.1f", $1 - a }' /proc/uptime) s later"
 jq -r '.result + " " + (.frames | tostring)' /var/lib/boothd/sessions/*/session.json | sed 's/^/figure: session: /'
 [ "$(jq -r .result /var/lib/boothd/sessions/*/session.json | sort | tr '\n' ' ')" = "complete interrupted " ] || fail "the visit that was cut short was not kept"
+step "a wrong configuration"
+# It ends within milliseconds, and still the journal knows whose sentence it was.
+systemctl stop boothd
+mkdir -p /etc/boothd/boothd.toml.d
+echo 'booth.id = 17' >/etc/boothd/boothd.toml.d/wrong.toml
+systemctl start boothd 2>/dev/null && fail "boothd starts with a wrong configuration"
+within 20 eval 'journalctl -u boothd --no-pager | grep -q "wrong.toml:1: booth.id"' || { show; fail "the journal of boothd does not say file, line and key"; }
+[ "$(systemctl is-failed boothd)" = failed ] && [ "$(systemctl show -P NRestarts boothd)" = 0 ] || fail "a wrong configuration is tried again"
+rm /etc/boothd/boothd.toml.d/wrong.toml
+
 journalctl -u boothd --no-pager | grep 'is refused' && fail "a system call that boothd needs is refused"
 dmesg | grep -iE 'BUG:|use-after-free|general protection|list_(add|del) corruption' && fail "the kernel complains"
 true
