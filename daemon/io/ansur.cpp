@@ -1,3 +1,4 @@
+// Every measure is looked up by its column's name and has bounds: a table in other units is refused, not trained on.
 #include "daemon/io/ansur.hpp"
 
 #include <map>

@@ -1,3 +1,4 @@
+// A whole file in memory: what cannot be read to its end is an error, and never a shorter table.
 #include "daemon/io/table_rows.hpp"
 
 #include <stdexcept>
