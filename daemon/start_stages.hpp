@@ -42,9 +42,9 @@ class StartStages {
     try {
       return make();
     } catch (const StartFailure& e) {
-      fail(e.status, {std::move(keys), e.what()});
+      fail(e.status, {keys, e.what()});
     } catch (const std::exception& e) {
-      fail(status, {std::move(keys), e.what()});
+      fail(status, {keys, e.what()});
     }
     return std::invoke_result_t<F>();
   }
