@@ -224,21 +224,47 @@ int run_model_info(const ModelInfoOptions& options, std::ostream& out) {
   return 0;
 }
 
+namespace {
+
+// As the projects that publish them name their folders.
+constexpr const char *kMakehumanFolder = "makehuman-cc0", *kAnsurFolder = "ansur2";
+
+std::string holds_training_data(const std::string& folder) {
+  for (const char* name : {kMakehumanFolder, kAnsurFolder}) {
+    std::error_code ignored;
+    if (!fs::is_directory(fs::path(folder) / name, ignored)) return fmt::format("{} has no folder {} in it", folder, name);
+  }
+  return {};
+}
+
+}  // namespace
+
 void add_model_verbs(CLI::App& app) {
   auto* model = app.add_subcommand("model", "Train the body models and the pose prior, or say what is in a model file");
   model->require_subcommand(1);
 
   auto shape = std::make_shared<TrainShapeOptions>();
   auto* train_shape = model->add_subcommand("train-shape", "Make men.npz, women.npz and test_bodies.npz");
-  train_shape->add_option("--makehuman", shape->makehuman, "Folder with base.obj, targets/ and rigs/ (CC0)")->required()->check(CLI::ExistingDirectory);
-  train_shape->add_option("--ansur", shape->ansur, "Folder with the ANSUR II tables")->required()->check(CLI::ExistingDirectory);
+  auto* data = train_shape->add_option("DIR", shape->data, fmt::format("Folder with {} and {} in it: short for the next two", kMakehumanFolder, kAnsurFolder))
+                   ->check(holds_training_data);
+  auto* makehuman = train_shape->add_option("--makehuman", shape->makehuman, "Folder with base.obj, targets/ and rigs/ (CC0)")->check(CLI::ExistingDirectory);
+  auto* ansur = train_shape->add_option("--ansur", shape->ansur, "Folder with the ANSUR II tables")->check(CLI::ExistingDirectory)->excludes(data);
+  makehuman->excludes(data)->needs(ansur);
+  ansur->needs(makehuman);
   train_shape->add_option("--out", shape->out, "Folder for the models")->required()->check(CLI::ExistingDirectory);
   train_shape->add_option("--held-out", shape->held_out, "List of bodies set aside (default: held_out_bodies.csv in --out)");
   train_shape->add_option("--men", shape->men, "Men in the database")->capture_default_str()->check(CLI::Range(32, 100000));
   train_shape->add_option("--women", shape->women, "Women in the database")->capture_default_str()->check(CLI::Range(32, 100000));
   train_shape->add_option("--seed", shape->seed, "Seed of the random sliders")->capture_default_str();
   train_shape->add_option("--threads", shape->threads, "Worker threads; the result does not depend on it")->capture_default_str()->check(CLI::Range(1, 64));
-  train_shape->callback([shape] { run_model_train_shape(*shape, std::cout); });
+  train_shape->callback([shape] {
+    if (!shape->data.empty()) {
+      shape->makehuman = shape->data / kMakehumanFolder;
+      shape->ansur = shape->data / kAnsurFolder;
+    }
+    if (shape->makehuman.empty()) throw CLI::RequiredError("DIR, or --makehuman and --ansur");
+    run_model_train_shape(*shape, std::cout);
+  });
 
   auto pose = std::make_shared<TrainPoseOptions>();
   auto* train_pose = model->add_subcommand("train-pose", "Make pose.npz from joint-angle sequences");
