@@ -22,6 +22,7 @@
 #include "daemon/config/load.hpp"
 #include "daemon/ctl/calibrate_through.hpp"
 #include "daemon/ctl/from_person.hpp"
+#include "daemon/ctl/seed_option.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
 #include "daemon/drivers_factory.gpio.hpp"
@@ -400,7 +401,7 @@ void add_calibrate_verb(CLI::App& app) {
   verb->add_flag("--live-simulation", o->live_simulation, "Capture from simulated cameras and a simulated person who shows the board");
   verb->add_option("--simulate", o->simulate, "Write a folder of simulated views, with the truth beside them");
   verb->add_option("--views", o->views, "How many to simulate")->check(CLI::Range(1, 900))->capture_default_str();
-  verb->add_option("--seed", o->seed, "Of the simulation")->capture_default_str();
+  as_seed(verb->add_option("--seed", o->seed, "Of the simulation"));
   verb->add_option("--config", o->config, "Configuration file; without it /etc/boothd/boothd.toml where it exists");
   verb->add_option("--set", o->assignments, "key=value, over the file's; may be given several times")
       ->expected(1)

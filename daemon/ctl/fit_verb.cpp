@@ -14,6 +14,7 @@
 
 #include "daemon/ctl/fit_input.hpp"
 #include "daemon/ctl/fit_report.hpp"
+#include "daemon/ctl/seed_option.hpp"
 #include "daemon/io/atomic_file.hpp"
 #include "daemon/io/glb_file.hpp"
 #include "daemon/io/model_file.hpp"
@@ -164,7 +165,7 @@ void add_fit_verb(CLI::App& boothctl) {
   verb->add_option("--init", options->initial, "JSON with the 36 entries of q to begin with");
   verb->add_option("--units", options->units, "Units of the files")->check(CLI::IsMember({"m", "cm", "mm", "auto"}))->capture_default_str();
   verb->add_option("--up", options->up, "Axis of the files that points up")->check(CLI::IsMember({"z", "y"}))->capture_default_str();
-  verb->add_option("--seed", options->seed, "Of the random numbers: the same seed gives the same result")->capture_default_str();
+  as_seed(verb->add_option("--seed", options->seed, "Of the random numbers: the same seed gives the same result"));
   verb->add_option("--threads", options->threads, "Workers; the result does not depend on them")->check(CLI::Range(1, 256))->capture_default_str();
   verb->add_option("--out", options->out, "Folder for fit.json, body.ply and body.glb")->capture_default_str();
   verb->add_option("--models", options->models, "Folder of the body models");

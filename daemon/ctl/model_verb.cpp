@@ -11,6 +11,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "daemon/ctl/seed_option.hpp"
 #include "daemon/io/ansur.hpp"
 #include "daemon/io/makehuman.hpp"
 #include "daemon/io/mocap_folder.hpp"
@@ -255,7 +256,7 @@ void add_model_verbs(CLI::App& app) {
   train_shape->add_option("--held-out", shape->held_out, "List of bodies set aside (default: held_out_bodies.csv in --out)");
   train_shape->add_option("--men", shape->men, "Men in the database")->capture_default_str()->check(CLI::Range(32, 100000));
   train_shape->add_option("--women", shape->women, "Women in the database")->capture_default_str()->check(CLI::Range(32, 100000));
-  train_shape->add_option("--seed", shape->seed, "Seed of the random sliders")->capture_default_str();
+  as_seed(train_shape->add_option("--seed", shape->seed, "Seed of the random sliders"));
   train_shape->add_option("--threads", shape->threads, "Worker threads; the result does not depend on it")->capture_default_str()->check(CLI::Range(1, 64));
   train_shape->callback([shape] {
     if (!shape->data.empty()) {
@@ -271,7 +272,7 @@ void add_model_verbs(CLI::App& app) {
   train_pose->add_option("DIR", pose->motions, "Folder with train/q.npy and train/clips.csv")->required()->check(CLI::ExistingDirectory);
   train_pose->add_option("--out", pose->out, "File to write")->required();
   train_pose->add_option("--held-out", pose->held_out, "List of motions set aside (default: held_out_motions.csv beside --out)");
-  train_pose->add_option("--seed", pose->seed, "Seed of the clustering")->capture_default_str();
+  as_seed(train_pose->add_option("--seed", pose->seed, "Seed of the clustering"));
   train_pose->callback([pose] { run_model_train_pose(*pose, std::cout); });
 
   auto about = std::make_shared<ModelInfoOptions>();

@@ -9,6 +9,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "daemon/ctl/seed_option.hpp"
 #include "daemon/simulation.hpp"
 
 namespace booth::daemon {
@@ -90,7 +91,7 @@ void add_simulate_verb(CLI::App& app) {
   verb->add_option("--from", r.from, "Seconds to leave out at the start of a motion file");
   verb->add_option("--seconds", r.seconds, "Length; 0: as long as the motion")->capture_default_str();
   verb->add_option("--noise", r.noise, "kinect2, none or gaussian:SIGMA (metres)")->capture_default_str();
-  verb->add_option("--seed", r.seed, "The same seed gives the same recording")->capture_default_str();
+  as_seed(verb->add_option("--seed", r.seed, "The same seed gives the same recording"));
   verb->add_option("--layout", r.layout, "rosbag2 or folder")->capture_default_str();
   verb->add_flag("--keep-path", r.keep_path, "Leave the path of a motion file as it is");
   verb->add_option("--models", r.models, "Folder of men.npz, women.npz and test_bodies.npz");

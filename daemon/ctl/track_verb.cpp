@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "daemon/config/config.hpp"
+#include "daemon/ctl/seed_option.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/drivers_factory.hpp"
 #include "daemon/io/fit_picture.hpp"
@@ -199,7 +200,7 @@ void add_track_verb(CLI::App& app) {
   verb->add_option("--model", fit.sex, "Which body model")->check(CLI::IsMember({"auto", "men", "women"}))->capture_default_str();
   verb->add_option("--preset", fit.preset, "Which estimator")->check(CLI::IsMember({"booth", "paper"}))->capture_default_str();
   verb->add_option("--models", options->config.models.directory, "Folder of the model files");
-  verb->add_option("--seed", fit.seed, "Seed of the random numbers")->check(CLI::NonNegativeNumber)->capture_default_str();
+  as_seed(verb->add_option("--seed", fit.seed, "Seed of the random numbers"));
   verb->add_option("--threads", fit.threads, "Worker threads; the result does not depend on it")->check(CLI::Range(1, 64))->capture_default_str();
   verb->add_option("--stage-radius", options->config.stage.radius, "Radius of the cylinder in which a person is looked for, metres")
       ->check(CLI::Range(0.5, 5.0))

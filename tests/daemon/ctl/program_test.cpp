@@ -17,7 +17,9 @@ namespace {
 
 using namespace std::chrono_literals;
 using nlohmann::json;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using tests::eventually;
 using tests::Program;
 using tests::read_text;
@@ -96,6 +98,26 @@ TEST_F(ProgramTest, ExitStatuses) {
   EXPECT_THAT(output, HasSubstr("gpio.start and gpio.light are the same line \"3\""));
   EXPECT_EQ(run("boothctl", {"dance"}), 64);
   EXPECT_EQ(run("boothctl", {"track", "/nonexistent"}), 1);
+}
+
+TEST_F(ProgramTest, ASeedIsTheSameEverywhere) {
+  // -1 was taken for the greatest number without a sign, and what is above 2^53 no reader of JSON holds.
+  const std::string here = folder.path.string(), cloud = folder.write("cloud.xyz", "0 0 0\n").string(), made = (folder.path / "made").string();
+  std::filesystem::create_directories(folder.path / "makehuman-cc0");
+  std::filesystem::create_directories(folder.path / "ansur2");
+  for (const std::vector<std::string>& verb : std::vector<std::vector<std::string>>{{"fit", cloud},
+                                                                                    {"track", here},
+                                                                                    {"simulate", "--out", made},
+                                                                                    {"calibrate", "--simulate", made},
+                                                                                    {"model", "train-shape", here, "--out", here},
+                                                                                    {"model", "train-pose", here, "--out", made}})
+    for (const char* seed : {"-1", "9000000000000001", "99999999999999999999", "1.5"}) {
+      auto words = verb;
+      words.insert(words.end(), {"--seed", seed});
+      EXPECT_EQ(run("boothctl", words), 64) << verb.front() << " " << seed;
+      EXPECT_THAT(output, HasSubstr(std::string("--seed: Value ") + seed + " not in range 0 to 9000000000000000")) << verb.front();
+    }
+  EXPECT_EQ(run("boothctl", {"track", here, "--seed", "9000000000000000"}), 1) << "there is no recording, but the seed is one";
 }
 
 TEST_F(ProgramTest, OneFolderOfSessionsHasOneBoothd) {

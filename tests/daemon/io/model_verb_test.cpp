@@ -104,6 +104,7 @@ TEST(ModelTraining, OneFolderStandsForBoth) {
   EXPECT_THAT(train({"--makehuman", data + "/makehuman-cc0", "--ansur", data + "/elsewhere"}), HasSubstr(data + "/elsewhere/ansur2_male_subset.csv"));
   EXPECT_THAT(train({}), AllOf(HasSubstr("usage: "), HasSubstr("DIR, or --makehuman and --ansur")));
   EXPECT_THAT(train({"--makehuman", data + "/makehuman-cc0"}), AllOf(HasSubstr("usage: "), HasSubstr("--ansur")));
+  EXPECT_THAT(train({data, "--seed", "-1"}), HasSubstr("--seed: Value -1 not in range 0 to 9000000000000000"));
   EXPECT_THAT(train({data, "--ansur", data + "/elsewhere"}), AllOf(HasSubstr("usage: "), HasSubstr("--ansur")));
 }
 
