@@ -5,6 +5,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "daemon/ctl/bench_json.hpp"
 #include "daemon/ctl/test_program.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/pipeline/fit_signature.hpp"
@@ -41,13 +42,10 @@ void add_signature_verb(CLI::App& bench) {
       throw VerbFailure(std::string("bench ") + e.what());
     }
     if (options->json) {
-      std::cout << nlohmann::ordered_json{{"benchmark", "signature"},
-                                          {"backend", options->backend},
-                                          {"signature", signature},
-                                          {"frames", options->frames},
-                                          {"threads", options->threads}}
-                       .dump()
-                << "\n";
+      const nlohmann::ordered_json result{{"name", "golden frames"}, {"unit", ""}, {"value", options->frames}, {"signature", signature}};
+      nlohmann::ordered_json j = bench_json("signature", {}, nlohmann::ordered_json::array({result}));
+      j.update({{"backend", options->backend}, {"signature", signature}, {"frames", options->frames}, {"threads", options->threads}});
+      std::cout << j.dump() << "\n";
     } else {
       std::cout << signature << "\n";
     }

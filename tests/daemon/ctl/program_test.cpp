@@ -100,6 +100,19 @@ TEST_F(ProgramTest, ExitStatuses) {
   EXPECT_EQ(run("boothctl", {"track", "/nonexistent"}), 1);
 }
 
+TEST_F(ProgramTest, TheSignatureIsReportedAsEveryBenchmark) {
+  ASSERT_EQ(run("boothctl", {"bench", "signature", "--frames", "1", "--json"}), 0) << output;
+  const json j = json::parse(output);
+  EXPECT_EQ(j["benchmark"], "signature");
+  EXPECT_GE(j["machine"]["cores"].get<int>(), 1);
+  EXPECT_NE(j["machine"]["processor"], "");
+  ASSERT_EQ(j["results"].size(), 1u);
+  EXPECT_EQ(j["results"][0]["name"], "golden frames");
+  EXPECT_EQ(j["results"][0]["value"], 1) << "a number, as of every benchmark";
+  EXPECT_EQ(j["results"][0]["signature"], j["signature"]);
+  EXPECT_EQ(j["frames"], 1);
+}
+
 TEST_F(ProgramTest, ASeedIsTheSameEverywhere) {
   // -1 was taken for the greatest number without a sign, and what is above 2^53 no reader of JSON holds.
   const std::string here = folder.path.string(), cloud = folder.write("cloud.xyz", "0 0 0\n").string(), made = (folder.path / "made").string();
