@@ -7,6 +7,7 @@
 #include "daemon/ctl/fit_verb.hpp"
 #include "daemon/ctl/model_verb.hpp"
 #include "daemon/ctl/simulate_verb.hpp"
+#include "daemon/ctl/unknown_word.hpp"
 #include "daemon/ctl/verbs.hpp"
 
 int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a complaint that cannot be put on the console is all that is left to throw
@@ -43,7 +44,10 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a compl
     // Half an export is worse than none, and its reader cannot tell: a full disk or a closed pipe is a failure.
     if (!std::cout.flush()) throw VerbFailure("what it has to say could not be written: the disk is full, or nobody reads it any more");
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : kUsage;
+    if (e.get_exit_code() == 0) return app.exit(e);
+    const std::string unknown = unknown_word(app);
+    app.exit(unknown.empty() ? e : CLI::ParseError(unknown, CLI::ExitCodes::ExtrasError));
+    return kUsage;
   } catch (const VerbFailure& e) {
     std::cerr << "boothctl: " << e.what() << "\n";
     return e.status;

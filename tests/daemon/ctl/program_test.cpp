@@ -100,6 +100,19 @@ TEST_F(ProgramTest, ExitStatuses) {
   EXPECT_EQ(run("boothctl", {"track", "/nonexistent"}), 1);
 }
 
+TEST_F(ProgramTest, AMisspeltVerbIsNamedWithWhatWasMeant) {
+  EXPECT_EQ(run("boothctl", {"stats", "--json"}), 64);
+  EXPECT_THAT(output, HasSubstr("boothctl: there is no verb stats; did you mean status?"));
+  EXPECT_EQ(run("boothctl", {"bench", "feild"}), 64);
+  EXPECT_THAT(output, HasSubstr("boothctl bench: there is no verb feild; did you mean field?"));
+  EXPECT_EQ(run("boothctl", {"bench", "nonsense"}), 64);
+  EXPECT_THAT(output, AllOf(HasSubstr("there is no verb nonsense\n"), Not(HasSubstr("did you mean"))));
+  EXPECT_EQ(run("boothctl", {"--bogus"}), 64);
+  EXPECT_THAT(output, HasSubstr("boothctl has no option --bogus"));
+  EXPECT_EQ(run("boothctl", {}), 64);
+  EXPECT_THAT(output, HasSubstr("A subcommand is required"));
+}
+
 TEST_F(ProgramTest, TheSignatureIsReportedAsEveryBenchmark) {
   ASSERT_EQ(run("boothctl", {"bench", "signature", "--frames", "1", "--json"}), 0) << output;
   const json j = json::parse(output);
