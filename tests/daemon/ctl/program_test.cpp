@@ -264,6 +264,32 @@ TEST_F(ProgramTest, ASupportBundleHasNothingOfASession) {
   EXPECT_EQ(run("boothctl", {"report", "--out", "/nonexistent/report.tar"}), 1);
 }
 
+TEST_F(ProgramTest, WhatIsMadeIsToldAsJson) {
+  const std::string bundle = (folder.path / "report.tar").string(), base = (folder.path / "museum").string(), csv = (folder.path / "x.csv").string();
+  ASSERT_EQ(run("boothctl", {"report", "--json", "--out", bundle, "--socket", socket}), 0) << output;
+  json j = json::parse(output);
+  EXPECT_EQ(j["ok"], true);
+  EXPECT_EQ(j["file"], bundle);
+  EXPECT_EQ(j["files"].size(), 8u);
+  ASSERT_EQ(run("boothctl", {"key", "new", base, "--json"}), 0) << output;
+  j = json::parse(output);
+  EXPECT_EQ(j["private"], base + ".private");
+  const std::string id = j["key"];
+  ASSERT_EQ(run("boothctl", {"key", "show", base + ".public", "--json"}), 0) << output;
+  j = json::parse(output);
+  EXPECT_EQ(j["half"], "public");
+  EXPECT_EQ(j["key"], id);
+  const std::string session = BOOTH_SOURCE_DIR "/tests/daemon/state/version-1/session";
+  ASSERT_EQ(run("boothctl", {"export", session, "--format", "csv", "--out", csv, "--json"}), 0) << output;
+  j = json::parse(output);
+  EXPECT_EQ(j["file"], csv);
+  EXPECT_EQ(j["format"], "csv");
+  EXPECT_TRUE(std::filesystem::exists(csv));
+  // A name need not be UTF-8; what is done is told all the same.
+  ASSERT_EQ(run("boothctl", {"export", session, "--format", "csv", "--out", (folder.path / "\xff.csv").string(), "--json"}), 0) << output;
+  EXPECT_TRUE(json::accept(output)) << output;
+}
+
 TEST_F(ProgramTest, ASupportBundleTakesNoFileThatIsNoCalibration) {
   // boothd may put a link in the calibration's place, and root writes the bundle.
   const auto secret = folder.write("shadow", "root:secret-hash:1\n");
