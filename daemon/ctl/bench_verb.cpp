@@ -1,4 +1,6 @@
 // boothctl bench: the fit signature, and the measurements of booth-bench, a program of the test tree that boothctl runs where it is installed.
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
@@ -6,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "daemon/ctl/bench_json.hpp"
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/test_program.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/pipeline/fit_signature.hpp"
@@ -35,6 +38,7 @@ void add_signature_verb(CLI::App& bench) {
     fit::DeviceOpen open;
     if (options->backend == "emulated") open = [&](std::string&) { return fit::device::make_emulated_device(none, 132); };
     std::string signature;
+    say_step(fmt::format("fitting {} frames", options->frames));
     try {
       signature =
           options->backend == "cpu" ? golden_signature(options->threads, options->frames) : golden_device_signature(options->threads, options->frames, open);

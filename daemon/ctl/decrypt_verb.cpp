@@ -11,6 +11,7 @@
 
 #include "daemon/ctl/find_session.hpp"
 #include "daemon/ctl/print_json.hpp"
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/drivers_factory.recorder.hpp"
 #include "daemon/io/file_bytes.hpp"
@@ -59,6 +60,7 @@ void decrypt(const Options& options) {
   const PrivateKey key = find_private_key(options.key);
   const fs::path out = options.out.empty() ? fs::path(folder.filename().string() + "-open") : fs::path(options.out);
   std::vector<std::string> complaints;
+  say_step("opening " + folder.string());
   if (is_sealed_recording(folder))
     complaints = decrypt_recording(folder, key, out);
   else

@@ -9,6 +9,7 @@
 
 #include "daemon/ctl/find_session.hpp"
 #include "daemon/ctl/print_json.hpp"
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/io/model_file.hpp"
 #include "daemon/record/session_export.hpp"
@@ -40,6 +41,7 @@ void run(const Options& options) {
   fs::path out = options.out.empty() ? fs::path(folder.filename().string() + extension) : fs::path(options.out);
   std::error_code ignored;
   if (fs::is_directory(out, ignored)) out /= folder.filename().string() + extension;
+  say_step("exporting " + folder.string());
   const fs::path directory = find_models(options.models);
   SessionModels models;
   if (format != ExportFormat::csv) {

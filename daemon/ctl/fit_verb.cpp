@@ -2,18 +2,17 @@
 #include "daemon/ctl/fit_verb.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <iostream>
 #include <optional>
 #include <stdexcept>
 
 #include "daemon/ctl/fit_input.hpp"
 #include "daemon/ctl/fit_report.hpp"
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/seed_option.hpp"
 #include "daemon/io/atomic_file.hpp"
 #include "daemon/io/glb_file.hpp"
@@ -32,11 +31,6 @@ struct Options {
   int threads = 2;
   bool detail = false, clothed = false, json = false;
 };
-
-/// A line on a terminal only: piped output holds the result and nothing else.
-void progress(const char* what) {
-  if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "%s ...\n", what);
-}
 
 std::unique_ptr<fit::Estimator> make_estimator(const Options& options, fit::EstimatorSettings settings) {
   const auto folder = find_models(options.models);
@@ -95,7 +89,7 @@ void run(const Options& options) {
   if (options.clothed && options.preset == "paper")
     throw std::runtime_error("--clothed needs preset booth; the published energy pulls the body to the clothes");
   const UpAxis up = options.up == "y" ? UpAxis::y : UpAxis::z;
-  progress("reading");
+  say_step("reading");
   const FitInput input = read_fit_input(options.clouds, {.units = *units_from_name(options.units), .up = up});
   std::vector<Eigen::Vector3f> viewpoints;
   if (!options.cameras.empty()) viewpoints = read_viewpoints(options.cameras, up);
@@ -105,7 +99,7 @@ void run(const Options& options) {
   settings.clothed = options.clothed;
   const auto estimator = make_estimator(options, settings);
 
-  progress("fitting");
+  say_step("fitting");
   const auto begin = std::chrono::steady_clock::now();
   fit::Observation observation(settings.cloud_capacity);
   fit::CloudReport report;
@@ -118,7 +112,7 @@ void run(const Options& options) {
   if (const std::string why = refusal(result); !why.empty()) throw std::runtime_error(why);
   std::optional<Detail> detail;
   if (options.detail) {
-    progress("detail");
+    say_step("detail");
     detail.emplace(estimator->model(), observation, result);
   }
   const double total_ms = elapsed_ms();

@@ -17,6 +17,7 @@
 #include "daemon/ctl/care_verbs.hpp"
 #include "daemon/ctl/control_client.hpp"
 #include "daemon/ctl/print_json.hpp"
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/support_bundle.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
 #include "daemon/io/atomic_file.hpp"
@@ -124,6 +125,7 @@ void run(const Options& options) {
     problems = without_session_names(e.what()) + "\n";
     config = load_what_is_right(sources);
   }
+  say_step("asking boothd, doctor, systemd and the journal");
   std::vector<BundleFile> files{
       {"version.txt", "version of boothctl, of the kernel and of Debian", "boothctl " BOOTHD_VERSION "\n" + output_of("uname -srvm; cat /etc/debian_version")},
       {"config.toml", "the resolved configuration, without addresses of peers and where keys and recordings lie", config_text(config)},

@@ -2,13 +2,13 @@
 #include "daemon/ctl/simulate_verb.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/seed_option.hpp"
 #include "daemon/simulation.hpp"
 
@@ -19,12 +19,6 @@ struct Options {
   SimulationRequest request;
   bool json = false;
 };
-
-/// Nothing when the output is piped.
-void show_progress(double done, double total) {
-  if (isatty(STDERR_FILENO) == 0) return;
-  std::cerr << fmt::format("\rsimulating {:5.1f} of {:.1f} s", done, total) << std::flush;
-}
 
 void run(const Options& options) {
   Simulation simulation = open_simulation(options.request);
@@ -39,6 +33,7 @@ void run(const Options& options) {
 
   std::uint64_t frames = 0;
   hal::MonotonicTime begin{}, last{};
+  ProgressLine line;
   while (true) {
     std::size_t first = next.size();
     for (std::size_t i = 0; i < next.size(); ++i)
@@ -52,11 +47,11 @@ void run(const Options& options) {
       if (const auto truth = source.truth->at(captured)) simulation.sink->write_truth(utc, *truth);
     if (frames++ == 0) begin = captured;
     last = captured;
-    if (frames % 20 == 0) show_progress(hal::seconds(captured - begin), simulation.seconds);
+    if (frames % 20 == 0) line.show(fmt::format("simulating {:5.1f} of {:.1f} s", hal::seconds(captured - begin), simulation.seconds));
     fill(first);
   }
   simulation.sink->close();
-  if (isatty(STDERR_FILENO) != 0) std::cerr << "\r\033[K";
+  line.clear();
   if (options.json) {
     std::cout << nlohmann::json{{"recording", options.request.out.string()},
                                 {"layout", options.request.layout},

@@ -1,6 +1,5 @@
 // boothctl track: a recording in, skeletons and a body out, in the order of time and with nothing dropped.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
@@ -9,6 +8,7 @@
 #include <optional>
 
 #include "daemon/config/config.hpp"
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/seed_option.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/drivers_factory.hpp"
@@ -134,16 +134,15 @@ void run(const Options& options) {
   const auto histograms = std::make_unique<std::array<LatencyHistogram, kStages>>();
   std::string remark;
   DetailAverage detail;
-  const bool terminal = ::isatty(STDERR_FILENO);
+  ProgressLine line;
   const auto take = [&](const FitInput&, const FrameRecord& record) {
     frames.push_back(record);
     if (options.detail) detail.add(*setup.fitter);
     for (const Stage s : {Stage::cloud, Stage::fit})
       (*histograms)[static_cast<std::size_t>(s)].add(hal::Nanoseconds(record.stage_ns[static_cast<std::size_t>(s)]));
     if (record.person == PersonState::lost && remark != setup.fitter->remark()) remark = setup.fitter->remark();
-    if (terminal)
-      std::cerr << fmt::format("\rframe {:5}  {:<9}  residual {:5.1f} mm ", record.sequence, record.person == PersonState::lost ? "lost" : "tracked",
-                               1e3 * static_cast<double>(record.residual));
+    line.show(fmt::format("frame {:5}  {:<9}  residual {:5.1f} mm", record.sequence, record.person == PersonState::lost ? "lost" : "tracked",
+                          1e3 * static_cast<double>(record.residual)));
     return true;
   };
   OfflineCounters counters;
@@ -151,7 +150,7 @@ void run(const Options& options) {
     replay(options, source, *setup.fitter, take);
   else
     counters = run_offline(source.cameras, 1, *setup.fitter, take);
-  if (terminal) std::cerr << "\r\033[K";
+  line.clear();
   for (const auto& camera : source.cameras) {
     const hal::CameraCounters c = camera->counters();
     if (c.corrupt > 0 || c.dropped > 0)

@@ -264,6 +264,22 @@ TEST_F(ProgramTest, ASupportBundleHasNothingOfASession) {
   EXPECT_EQ(run("boothctl", {"report", "--out", "/nonexistent/report.tar"}), 1);
 }
 
+TEST_F(ProgramTest, WhoWaitsAtATerminalSeesForWhat) {
+  if (!std::filesystem::exists("/usr/bin/script")) GTEST_SKIP() << "skipped: script(1), which stands for a terminal, is not installed";
+  const ControlServer boothd(socket, [](const std::string&) { return std::string(R"({"ok":true,"state":"searching","remark":"nobody is there"})"); });
+  const auto at_terminal = [&](const std::string& words, const std::string& to) {
+    Program shell("/usr/bin/script", {"-qec", "'" BOOTH_BINARY_DIR "/bin/boothctl' " + words + " --socket " + to, "/dev/null"}, folder.path / "terminal");
+    EXPECT_EQ(shell.wait(), 1) << shell.output();
+    return shell.out();
+  };
+  EXPECT_THAT(at_terminal("start --wait --limit 1.2", socket),
+              AllOf(HasSubstr("finding a body:   0 s  searching, nobody is there"), HasSubstr("finding a body:   1 s  ")));
+  EXPECT_THAT(at_terminal("stop --wait --limit 0.2", socket), HasSubstr("saving the session:   0 s  searching"));
+  EXPECT_THAT(at_terminal("health --wait 0.3", "/nowhere"), HasSubstr("waiting   0 of 0.3 s: boothd is not running"));
+  EXPECT_EQ(run("boothctl", {"start", "--wait", "--limit", "0.2", "--socket", socket}), 1);
+  EXPECT_THAT(output, Not(HasSubstr("0 s  searching"))) << "a pipe has the result alone";
+}
+
 TEST_F(ProgramTest, WhatIsMadeIsToldAsJson) {
   const std::string bundle = (folder.path / "report.tar").string(), base = (folder.path / "museum").string(), csv = (folder.path / "x.csv").string();
   ASSERT_EQ(run("boothctl", {"report", "--json", "--out", bundle, "--socket", socket}), 0) << output;
