@@ -167,11 +167,11 @@ ConfigPlan reset_plan(const ConfigSources& now, bool everything) {
   return plan;
 }
 
-std::vector<std::string> changes_of(const ConfigPlan& plan) {
-  std::vector<std::string> out;
+std::vector<ConfigChange> changes_of(const ConfigPlan& plan) {
+  std::vector<ConfigChange> out;
   for (const ConfigKey& key : config_keys()) {
-    const std::string before = format_config_value(key, plan.before.config), after = format_config_value(key, plan.after.config);
-    if (before != after) out.push_back(fmt::format("{}: {} -> {}", key.name, before, after));
+    std::string before = format_config_value(key, plan.before.config), after = format_config_value(key, plan.after.config);
+    if (before != after) out.push_back({std::string(key.name), std::move(before), std::move(after)});
   }
   return out;
 }

@@ -38,8 +38,13 @@ ConfigPlan import_plan(const ConfigSources& now, const std::string& text, const 
 /// only dds.security, which no reset switches off. Throws ConfigError.
 ConfigPlan reset_plan(const ConfigSources& now, bool everything);
 
-/// One line for each key whose value changes: `key: old -> new`, as TOML writes them.
-std::vector<std::string> changes_of(const ConfigPlan& plan);
+/// A key whose value changes; both as TOML writes them.
+struct ConfigChange {
+  std::string key, before, after;
+};
+
+/// In the order of the reference page.
+std::vector<ConfigChange> changes_of(const ConfigPlan& plan);
 
 /// `stamp`, or with a number behind it where FILE.before-STAMP is there already: two changes within a second each keep what was before them.
 std::string free_stamp(const std::filesystem::path& file, const std::string& stamp);

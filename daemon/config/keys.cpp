@@ -6,8 +6,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
+#include "daemon/config/near_word.hpp"
 #include "daemon/dds/ros2/ros_names.hpp"
 
 namespace booth::daemon {
@@ -378,21 +378,6 @@ const std::vector<ConfigKey>& table() {
 }
 #undef BOOTH_SLOT
 
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i + 1;
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t above = row[j + 1];
-      row[j + 1] = std::min({above + 1, row[j] + 1, diagonal + (a[i] == b[j] ? 0u : 1u)});
-      diagonal = above;
-    }
-  }
-  return row.back();
-}
-
 std::string join_quoted(const auto& list, std::string_view separator) {
   std::string out;
   for (const auto& item : list) out += (out.empty() ? "" : std::string(separator)) + toml_string(item);
@@ -413,7 +398,7 @@ const ConfigKey* find_config_key(std::string_view name) {
 
 std::string_view nearest_config_key(std::string_view name) {
   std::string_view best;
-  std::size_t best_distance = std::max<std::size_t>(2, name.size() / 3) + 1;
+  std::size_t best_distance = misspelling_limit(name) + 1;
   for (const ConfigKey& key : config_keys()) {
     std::size_t d = edit_distance(name, key.name);
     // The right key in the wrong table is as near as a spelling mistake.

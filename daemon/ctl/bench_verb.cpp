@@ -1,10 +1,14 @@
 // boothctl bench: the fit signature, and the measurements of booth-bench, a program of the test tree that boothctl runs where it is installed.
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "daemon/ctl/bench_json.hpp"
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/test_program.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/pipeline/fit_signature.hpp"
@@ -34,6 +38,7 @@ void add_signature_verb(CLI::App& bench) {
     fit::DeviceOpen open;
     if (options->backend == "emulated") open = [&](std::string&) { return fit::device::make_emulated_device(none, 132); };
     std::string signature;
+    say_step(fmt::format("fitting {} frames", options->frames));
     try {
       signature =
           options->backend == "cpu" ? golden_signature(options->threads, options->frames) : golden_device_signature(options->threads, options->frames, open);
@@ -41,13 +46,10 @@ void add_signature_verb(CLI::App& bench) {
       throw VerbFailure(std::string("bench ") + e.what());
     }
     if (options->json) {
-      std::cout << nlohmann::ordered_json{{"benchmark", "signature"},
-                                          {"backend", options->backend},
-                                          {"signature", signature},
-                                          {"frames", options->frames},
-                                          {"threads", options->threads}}
-                       .dump()
-                << "\n";
+      const nlohmann::ordered_json result{{"name", "golden frames"}, {"unit", ""}, {"value", options->frames}, {"signature", signature}};
+      nlohmann::ordered_json j = bench_json("signature", {}, nlohmann::ordered_json::array({result}));
+      j.update({{"backend", options->backend}, {"signature", signature}, {"frames", options->frames}, {"threads", options->threads}});
+      std::cout << j.dump() << "\n";
     } else {
       std::cout << signature << "\n";
     }

@@ -401,7 +401,7 @@ void add_calibrate_verb(CLI::App& app) {
   verb->add_flag("--live-simulation", o->live_simulation, "Capture from simulated cameras and a simulated person who shows the board");
   verb->add_option("--simulate", o->simulate, "Write a folder of simulated views, with the truth beside them");
   verb->add_option("--views", o->views, "How many to simulate")->check(CLI::Range(1, 900))->capture_default_str();
-  add_seed_option(*verb, o->seed, "Of the simulation");
+  as_seed(verb->add_option("--seed", o->seed, "Of the simulation"));
   verb->add_option("--config", o->config, "Configuration file; without it /etc/boothd/boothd.toml where it exists");
   verb->add_option("--set", o->assignments, "key=value, over the file's; may be given several times")
       ->expected(1)

@@ -7,11 +7,13 @@
 #include <cstring>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "daemon/config/change.hpp"
 #include "daemon/ctl/control_client.hpp"
 #include "daemon/ctl/forget_keys.hpp"
+#include "daemon/ctl/print_json.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/io/atomic_file.hpp"
 #include "daemon/io/file_bytes.hpp"
@@ -20,6 +22,8 @@
 namespace booth::daemon {
 namespace {
 
+using Json = nlohmann::ordered_json;
+
 constexpr std::uint64_t kMostBytes = 1 << 20;
 constexpr int kWrongConfiguration = 78;
 
@@ -27,7 +31,7 @@ struct Options {
   std::string config, socket, file, out, confirm;
   std::vector<std::string> assignments;
   ImportOptions import;
-  bool all = false, dry_run = false;
+  bool all = false, dry_run = false, json = false;
 };
 
 /// Runs what may find mistakes in a configuration; all of them are told.
@@ -64,27 +68,56 @@ void export_config(const Options& options) {
     write_file_atomically(std::filesystem::path(options.out), text);
 }
 
+/// What is told on the way: lines for a person as they come, so that they are there when a step fails, or one object in the end.
+class Account {
+ public:
+  explicit Account(const Options& options)
+      : json_(options.json), object_{{"ok", true}, {"written", false}, {"changes", Json::array()}, {"notes", Json::array()}, {"warnings", Json::array()}} {}
+  template <class... T>
+  void line(fmt::format_string<T...> format, T&&... values) const {
+    if (!json_) std::cout << fmt::format(format, std::forward<T>(values)...) << "\n";
+  }
+  void note(const std::string& text) {
+    line("note: {}", text);
+    object_["notes"].push_back(text);
+  }
+  void warn(const std::string& text) {
+    line("warning: {}", text);
+    object_["warnings"].push_back(text);
+  }
+  void change(const ConfigChange& c) {
+    line("{}: {} -> {}", c.key, c.before, c.after);
+    object_["changes"].push_back({{"key", c.key}, {"before", c.before}, {"after", c.after}});
+  }
+  Json& operator[](const char* key) { return object_[key]; }
+  void close() const {
+    if (json_) print_json(object_);
+  }
+
+ private:
+  const bool json_;
+  Json object_;
+};
+
 /// Says what changes, does it unless it is only asked about, and says what is left to do.
-void carry_out(const ConfigPlan& plan, const Options& options) {
-  for (const auto& note : plan.notes) std::cout << "note: " << note << "\n";
+void carry_out(const ConfigPlan& plan, const Options& options, Account& account) {
+  for (const auto& note : plan.notes) account.note(note);
   const auto changes = changes_of(plan);
-  for (const auto& line : changes) std::cout << line << "\n";
-  for (const auto& missing : missing_files(plan.after.config)) std::cout << "warning: " << missing << " does not exist on this machine\n";
-  if (changes.empty() && !plan.replaces_file) {
-    std::cout << "the configuration has these values already; nothing was written\n";
-    return;
-  }
-  if (options.dry_run) {
-    std::cout << fmt::format("{} value{} would change; nothing was written\n", changes.size(), changes.size() == 1 ? "" : "s");
-    return;
-  }
+  for (const auto& change : changes) account.change(change);
+  for (const auto& missing : missing_files(plan.after.config)) account.warn(missing + " does not exist on this machine");
+  if (changes.empty() && !plan.replaces_file) return account.line("the configuration has these values already; nothing was written");
+  const char* plural = changes.size() == 1 ? "" : "s";
+  if (options.dry_run) return account.line("{} value{} would change; nothing was written", changes.size(), plural);
   const std::string utc = utc_text(utc_seconds()), stamp = free_stamp(plan.file, stamp_of(utc));
   for (const auto& step : steps_of(plan, stamp, BOOTHD_VERSION, utc)) step();
-  std::cout << fmt::format("{} value{} changed; before: {}.before-{} (`boothctl config import` takes it back)\n", changes.size(),
-                           changes.size() == 1 ? "" : "s", plan.file.string(), stamp);
+  const std::string backup = fmt::format("{}.before-{}", plan.file.string(), stamp);
+  account["written"] = true;
+  account["backup"] = backup;
+  account.line("{} value{} changed; before: {} (`boothctl config import` takes it back)", changes.size(), plural, backup);
   const bool runs = boothd_runs(options.socket.empty() ? plan.before.config.control.socket : options.socket);
-  std::cout << (runs ? "boothd runs with the old values: `systemctl restart boothd` takes the new ones; a session that runs is saved first\n"
-                     : "boothd does not run; it takes them when it starts\n");
+  account["boothd_runs"] = runs;
+  account.line("{}", runs ? "boothd runs with the old values: `systemctl restart boothd` takes the new ones; a session that runs is saved first"
+                          : "boothd does not run; it takes them when it starts");
 }
 
 /// All of it, or a byte more than is accepted. A stream takes a failure for the end, and half a configuration would be taken for the whole.
@@ -103,11 +136,13 @@ std::string standard_input() {
 }
 
 void import_config(const Options& options) {
+  Account account(options);
   const bool from_input = options.file == "-";
   const std::string text = from_input ? standard_input() : read_file_bytes(options.file, kMostBytes);
   carry_out(
       checked([&] { return import_plan({.file = options.config, .assignments = {}}, text, from_input ? "standard input" : options.file, options.import); }),
-      options);
+      options, account);
+  account.close();
 }
 
 void reset_config(const Options& options) {
@@ -117,15 +152,20 @@ void reset_config(const Options& options) {
     throw VerbFailure(
         fmt::format("--all deletes the calibration and the credentials of this booth, which nothing brings back; `--confirm {}` means it", before.booth.id),
         64);
-  carry_out(plan, options);
-  if (!options.all) return;
+  Account account(options);
+  carry_out(plan, options, account);
+  if (!options.all) return account.close();
+  const char* gone = options.dry_run ? "would_be_deleted" : "deleted";
+  account[gone] = Json::array();
   for (const auto& path : key_files(before, plan.file)) {
     if (!options.dry_run) forget(path);
-    std::cout << (options.dry_run ? "would be deleted: " : "deleted: ") << path.string() << "\n";
+    account.line("{}: {}", options.dry_run ? "would be deleted" : "deleted", path.string());
+    account[gone].push_back(path.string());
   }
   if (!options.dry_run)
-    if (const std::string left = forget_empty_fleet(before); !left.empty()) std::cout << "warning: " << left << "\n";
-  std::cout << "sessions and recordings are left as they are\n";
+    if (const std::string left = forget_empty_fleet(before); !left.empty()) account.warn(left);
+  account.line("sessions and recordings are left as they are");
+  account.close();
 }
 
 void add_places(CLI::App& verb, Options& options, bool asks_boothd) {
@@ -133,6 +173,7 @@ void add_places(CLI::App& verb, Options& options, bool asks_boothd) {
   if (!asks_boothd) return;
   verb.add_option("--socket", options.socket, "Control socket of boothd, to see whether it runs; without it the configuration's");
   verb.add_flag("--dry-run", options.dry_run, "Say what would change, and change nothing");
+  verb.add_flag("--json", options.json, "One JSON object");
 }
 
 }  // namespace

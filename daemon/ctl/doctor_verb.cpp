@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "daemon/config/load.hpp"
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/drivers_factory.gpio.hpp"
 #include "daemon/drivers_factory.usb.hpp"
@@ -72,6 +73,7 @@ void print(const Checks& checks) {
 }
 
 void run(const Options& options) {
+  say_step("examining this machine");
   const DoctorInputs in = look(options);
   const Checks checks = run_checks(in);
   int errors = 0, warnings = 0;

@@ -8,6 +8,8 @@
 #include <memory>
 
 #include "daemon/ctl/find_session.hpp"
+#include "daemon/ctl/print_json.hpp"
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/io/model_file.hpp"
 #include "daemon/record/session_export.hpp"
@@ -20,6 +22,7 @@ namespace fs = std::filesystem;
 
 struct Options {
   std::string session, format, out, config, directory, models, key;
+  bool json = false;
 };
 
 const std::map<std::string, std::pair<ExportFormat, const char*>>& formats() {
@@ -38,14 +41,19 @@ void run(const Options& options) {
   fs::path out = options.out.empty() ? fs::path(folder.filename().string() + extension) : fs::path(options.out);
   std::error_code ignored;
   if (fs::is_directory(out, ignored)) out /= folder.filename().string() + extension;
+  say_step("exporting " + folder.string());
   const fs::path directory = find_models(options.models);
   SessionModels models;
   if (format != ExportFormat::csv) {
     models.men = std::make_shared<const fit::BodyModel>(load_body_model(directory / "men.npz"));
     models.women = std::make_shared<const fit::BodyModel>(load_body_model(directory / "women.npz"));
   }
-  if (const std::string warning = export_session(folder, format, out, models, seal.get()); !warning.empty()) std::cerr << "warning: " << warning << "\n";
-  std::cout << out.string() << "\n";
+  const std::string warning = export_session(folder, format, out, models, seal.get());
+  if (!warning.empty()) std::cerr << "warning: " << warning << "\n";
+  if (options.json)
+    print_json({{"ok", true}, {"file", out.string()}, {"format", options.format}, {"session", folder.string()}, {"warning", warning}});
+  else
+    std::cout << out.string() << "\n";
 }
 
 }  // namespace
@@ -65,6 +73,7 @@ void add_export_verbs(CLI::App& app) {
   verb->add_option("--config", options->config, "Configuration file that says where sessions are");
   verb->add_option("--key", options->key, "Private key, where the session is sealed; without it $CREDENTIALS_DIRECTORY/boothd-private-key");
   verb->add_option("--models", options->models, "Folder of the model files");
+  verb->add_flag("--json", options->json, "One JSON object instead of the path");
   verb->callback([options] { run(*options); });
 }
 

@@ -3,18 +3,18 @@
 #include "daemon/ctl/seed_option.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <iostream>
 #include <optional>
 #include <stdexcept>
 
 #include "daemon/ctl/fit_input.hpp"
 #include "daemon/ctl/fit_report.hpp"
+#include "daemon/ctl/progress.hpp"
+#include "daemon/ctl/seed_option.hpp"
 #include "daemon/io/atomic_file.hpp"
 #include "daemon/io/glb_file.hpp"
 #include "daemon/io/model_file.hpp"
@@ -32,11 +32,6 @@ struct Options {
   int threads = 2;
   bool detail = false, clothed = false, json = false;
 };
-
-/// A line on a terminal only: piped output holds the result and nothing else.
-void progress(const char* what) {
-  if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "%s ...\n", what);
-}
 
 std::unique_ptr<fit::Estimator> make_estimator(const Options& options, fit::EstimatorSettings settings) {
   const auto folder = find_models(options.models);
@@ -95,7 +90,7 @@ void run(const Options& options) {
   if (options.clothed && options.preset == "paper")
     throw std::runtime_error("--clothed needs preset booth; the published energy pulls the body to the clothes");
   const UpAxis up = options.up == "y" ? UpAxis::y : UpAxis::z;
-  progress("reading");
+  say_step("reading");
   const FitInput input = read_fit_input(options.clouds, {.units = *units_from_name(options.units), .up = up});
   std::vector<Eigen::Vector3f> viewpoints;
   if (!options.cameras.empty()) viewpoints = read_viewpoints(options.cameras, up);
@@ -105,7 +100,7 @@ void run(const Options& options) {
   settings.clothed = options.clothed;
   const auto estimator = make_estimator(options, settings);
 
-  progress("fitting");
+  say_step("fitting");
   const auto begin = std::chrono::steady_clock::now();
   fit::Observation observation(settings.cloud_capacity);
   fit::CloudReport report;
@@ -118,7 +113,7 @@ void run(const Options& options) {
   if (const std::string why = refusal(result); !why.empty()) throw std::runtime_error(why);
   std::optional<Detail> detail;
   if (options.detail) {
-    progress("detail");
+    say_step("detail");
     detail.emplace(estimator->model(), observation, result);
   }
   const double total_ms = elapsed_ms();
@@ -165,7 +160,7 @@ void add_fit_verb(CLI::App& boothctl) {
   verb->add_option("--init", options->initial, "JSON with the 36 entries of q to begin with");
   verb->add_option("--units", options->units, "Units of the files")->check(CLI::IsMember({"m", "cm", "mm", "auto"}))->capture_default_str();
   verb->add_option("--up", options->up, "Axis of the files that points up")->check(CLI::IsMember({"z", "y"}))->capture_default_str();
-  add_seed_option(*verb, options->seed, "Of the random numbers: the same seed gives the same result");
+  as_seed(verb->add_option("--seed", options->seed, "Of the random numbers: the same seed gives the same result"));
   verb->add_option("--threads", options->threads, "Workers; the result does not depend on them")->check(CLI::Range(1, 256))->capture_default_str();
   verb->add_option("--out", options->out, "Folder for fit.json, body.ply and body.glb")->capture_default_str();
   verb->add_option("--models", options->models, "Folder of the body models");

@@ -11,6 +11,7 @@
 #include "daemon/ctl/care_verbs.hpp"
 #include "daemon/ctl/control_client.hpp"
 #include "daemon/ctl/health_gate.hpp"
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/verbs.hpp"
 
 namespace booth::daemon {
@@ -66,13 +67,16 @@ void run(const Options& options) {
   const auto began = Clock::now();
   const auto deadline = began + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(wait));
   HealthVerdict verdict;
+  ProgressLine line;
   while (true) {
     // A boothd that starts listens already but answers only when it is ready.
     const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(deadline - Clock::now());
     verdict = visit.look(std::clamp<std::chrono::milliseconds>(left, 2s, 10s));
     if (verdict.healthy || Clock::now() >= deadline) break;
+    line.show(fmt::format("waiting {:3} of {} s: {}", std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - began).count(), wait, verdict.sentence));
     std::this_thread::sleep_for(100ms);
   }
+  line.clear();
   print(options, gate, verdict, frames, std::chrono::duration<double>(Clock::now() - began).count());
   std::cout.flush();
   if (!verdict.healthy) throw VerbFailure("not healthy: " + verdict.sentence);

@@ -2,26 +2,13 @@
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <iostream>
-#include <string>
 
 #include "daemon/ctl/care_verbs.hpp"
 #include "daemon/ctl/fit_verb.hpp"
 #include "daemon/ctl/model_verb.hpp"
 #include "daemon/ctl/simulate_verb.hpp"
+#include "daemon/ctl/unknown_word.hpp"
 #include "daemon/ctl/verbs.hpp"
-
-namespace {
-
-/// The word that should have been a verb, with the program or verb that does not know it; empty where another thing was wrong.
-std::string unknown_verb(const CLI::App& app, const std::string& spoken) {
-  for (const CLI::App* verb : app.get_subcommands())
-    if (std::string found = unknown_verb(*verb, spoken + " " + verb->get_name()); !found.empty()) return found;
-  const auto left = app.remaining();
-  if (app.get_require_subcommand_min() == 0 || !app.get_subcommands().empty() || left.empty()) return {};
-  return spoken + " does not know '" + left.front() + "'; `" + spoken + " --help` says what it knows";
-}
-
-}  // namespace
 
 int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a complaint that cannot be put on the console is all that is left to throw
   using namespace booth::daemon;
@@ -56,13 +43,11 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a compl
     app.parse(argc, argv);
     // Half an export is worse than none, and its reader cannot tell: a full disk or a closed pipe is a failure.
     if (!std::cout.flush()) throw VerbFailure("what it has to say could not be written: the disk is full, or nobody reads it any more");
-  } catch (const CLI::RequiredError& e) {
-    const std::string unknown = unknown_verb(app, "boothctl");
-    if (unknown.empty()) return app.exit(e) == 0 ? 0 : kUsage;
-    std::cerr << unknown << "\n";
-    return kUsage;
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : kUsage;
+    if (e.get_exit_code() == 0) return app.exit(e);
+    const std::string unknown = unknown_word(app);
+    app.exit(unknown.empty() ? e : CLI::ParseError(unknown, CLI::ExitCodes::ExtrasError));
+    return kUsage;
   } catch (const VerbFailure& e) {
     std::cerr << "boothctl: " << e.what() << "\n";
     return e.status;

@@ -13,6 +13,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "daemon/ctl/seed_option.hpp"
 #include "daemon/io/ansur.hpp"
 #include "daemon/io/makehuman.hpp"
 #include "daemon/io/mocap_folder.hpp"
@@ -226,27 +227,45 @@ int run_model_info(const ModelInfoOptions& options, std::ostream& out) {
   return 0;
 }
 
+namespace {
+
+// As the projects that publish them name their folders.
+constexpr const char *kMakehumanFolder = "makehuman-cc0", *kAnsurFolder = "ansur2";
+
+std::string holds_training_data(const std::string& folder) {
+  for (const char* name : {kMakehumanFolder, kAnsurFolder}) {
+    std::error_code ignored;
+    if (!fs::is_directory(fs::path(folder) / name, ignored)) return fmt::format("{} has no folder {} in it", folder, name);
+  }
+  return {};
+}
+
+}  // namespace
+
 void add_model_verbs(CLI::App& app) {
   auto* model = app.add_subcommand("model", "Train the body models and the pose prior, or say what is in a model file");
   model->require_subcommand(1);
 
   auto shape = std::make_shared<TrainShapeOptions>();
   auto* train_shape = model->add_subcommand("train-shape", "Make men.npz, women.npz and test_bodies.npz");
-  auto data = std::make_shared<std::filesystem::path>();
-  auto* both = train_shape->add_option("DIR", *data, "Folder that holds both: makehuman-cc0/ and ansur2/")->check(CLI::ExistingDirectory);
-  train_shape->add_option("--makehuman", shape->makehuman, "Folder with base.obj, targets/ and rigs/ (CC0), in place of DIR's")->check(CLI::ExistingDirectory);
-  train_shape->add_option("--ansur", shape->ansur, "Folder with the ANSUR II tables, in place of DIR's")->check(CLI::ExistingDirectory);
+  auto* data = train_shape->add_option("DIR", shape->data, fmt::format("Folder with {} and {} in it: short for the next two", kMakehumanFolder, kAnsurFolder))
+                   ->check(holds_training_data);
+  auto* makehuman = train_shape->add_option("--makehuman", shape->makehuman, "Folder with base.obj, targets/ and rigs/ (CC0)")->check(CLI::ExistingDirectory);
+  auto* ansur = train_shape->add_option("--ansur", shape->ansur, "Folder with the ANSUR II tables")->check(CLI::ExistingDirectory)->excludes(data);
+  makehuman->excludes(data)->needs(ansur);
+  ansur->needs(makehuman);
   train_shape->add_option("--out", shape->out, "Folder for the models")->required()->check(CLI::ExistingDirectory);
   train_shape->add_option("--held-out", shape->held_out, "List of bodies set aside (default: held_out_bodies.csv in --out)");
   train_shape->add_option("--men", shape->men, "Men in the database")->capture_default_str()->check(CLI::Range(32, 100000));
   train_shape->add_option("--women", shape->women, "Women in the database")->capture_default_str()->check(CLI::Range(32, 100000));
-  add_seed_option(*train_shape, shape->seed, "Seed of the random sliders");
+  as_seed(train_shape->add_option("--seed", shape->seed, "Seed of the random sliders"));
   train_shape->add_option("--threads", shape->threads, "Worker threads; the result does not depend on it")->capture_default_str()->check(CLI::Range(1, 64));
-  train_shape->callback([shape, data, both] {
-    if (both->count() == 0 && (shape->makehuman.empty() || shape->ansur.empty()))
-      throw VerbFailure("model train-shape: where are the data? DIR (with makehuman-cc0/ and ansur2/), or --makehuman and --ansur", 64);
-    if (shape->makehuman.empty()) shape->makehuman = *data / "makehuman-cc0";
-    if (shape->ansur.empty()) shape->ansur = *data / "ansur2";
+  train_shape->callback([shape] {
+    if (!shape->data.empty()) {
+      shape->makehuman = shape->data / kMakehumanFolder;
+      shape->ansur = shape->data / kAnsurFolder;
+    }
+    if (shape->makehuman.empty()) throw CLI::RequiredError("DIR, or --makehuman and --ansur");
     run_model_train_shape(*shape, std::cout);
   });
 
@@ -255,7 +274,7 @@ void add_model_verbs(CLI::App& app) {
   train_pose->add_option("DIR", pose->motions, "Folder with train/q.npy and train/clips.csv")->required()->check(CLI::ExistingDirectory);
   train_pose->add_option("--out", pose->out, "File to write")->required();
   train_pose->add_option("--held-out", pose->held_out, "List of motions set aside (default: held_out_motions.csv beside --out)");
-  add_seed_option(*train_pose, pose->seed, "Seed of the clustering");
+  as_seed(train_pose->add_option("--seed", pose->seed, "Seed of the clustering"));
   train_pose->callback([pose] { run_model_train_pose(*pose, std::cout); });
 
   auto about = std::make_shared<ModelInfoOptions>();

@@ -11,6 +11,7 @@ class App;
 namespace booth::daemon {
 
 struct TrainShapeOptions {
+  std::filesystem::path data;  ///< the command line's one folder for both of the next; run_model_train_shape() looks at those alone
   std::filesystem::path makehuman, ansur, out;
   std::filesystem::path held_out;  ///< held_out_bodies.csv; empty: the one in `out`
   int men = 1517, women = 1531;    ///< bodies in each database

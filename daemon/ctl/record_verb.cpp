@@ -1,6 +1,5 @@
 // boothctl record and snapshot: boothd writes, boothctl watches over it and says where the files are.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <csignal>
@@ -10,6 +9,7 @@
 #include <thread>
 
 #include "daemon/ctl/control_client.hpp"
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/verbs.hpp"
 
 namespace booth::daemon {
@@ -32,21 +32,14 @@ Json ask(ControlClient& client, const Json& request) {
   return answer;
 }
 
-void show(const Json& r, const char* what) {
-  if (::isatty(STDERR_FILENO))
-    std::cerr << fmt::format("\r{} {:6.1f} s  {:6} frames  {:8.1f} MB ", what, r.value("seconds", 0.0), r.value("frames", 0), 1e-6 * r.value("bytes", 0.0));
-}
-
 /// Until boothd says that the files are whole. Ctrl-C ends the recording, and then its files are waited for all the same; a second one goes at once.
 Json wait_for(ControlClient& client, const char* which, bool stoppable) {
   bool stopping = false;
+  ProgressLine line;
   while (true) {
     Json r = ask(client, {{"request", "record_status"}})[which];
-    if (!r.value("running", false)) {
-      if (::isatty(STDERR_FILENO)) std::cerr << "\r\033[K";
-      return r;
-    }
-    show(r, which);
+    if (!r.value("running", false)) return r;
+    line.show(fmt::format("{} {:6.1f} s  {:6} frames  {:8.1f} MB", which, r.value("seconds", 0.0), r.value("frames", 0), 1e-6 * r.value("bytes", 0.0)));
     if (interrupted > 1) throw VerbFailure(fmt::format("not waited for; boothd goes on to finish {}", r.value("path", std::string())), 130);
     if (interrupted && stoppable && !stopping) {
       stopping = true;

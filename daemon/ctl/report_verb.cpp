@@ -16,6 +16,8 @@
 #include "daemon/config/load.hpp"
 #include "daemon/ctl/care_verbs.hpp"
 #include "daemon/ctl/control_client.hpp"
+#include "daemon/ctl/print_json.hpp"
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/support_bundle.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
 #include "daemon/io/atomic_file.hpp"
@@ -27,6 +29,7 @@ namespace {
 struct Options {
   std::string socket, config, out;
   std::vector<std::string> assignments;
+  bool json = false;
 };
 
 constexpr std::size_t kMostOutput = 8u << 20;  // bytes of one program's output
@@ -122,6 +125,7 @@ void run(const Options& options) {
     problems = without_session_names(e.what()) + "\n";
     config = load_what_is_right(sources);
   }
+  say_step("asking boothd, doctor, systemd and the journal");
   std::vector<BundleFile> files{
       {"version.txt", "version of boothctl, of the kernel and of Debian", "boothctl " BOOTHD_VERSION "\n" + output_of("uname -srvm; cat /etc/debian_version")},
       {"config.toml", "the resolved configuration, without addresses of peers and where keys and recordings lie", config_text(config)},
@@ -135,6 +139,11 @@ void run(const Options& options) {
        output_of("journalctl --no-pager --output=short-iso --no-hostname --lines=5000 -u boothd -u boothd-failed -u 'boothd-usb-recover@*'")}};
   for (BundleFile& f : files) f.bytes = without_addresses(without_values(f.bytes, secrets_of(config)));
   write_file_atomically(std::filesystem::path(options.out), bundle_archive(files, std::time(nullptr)), 0600);
+  if (options.json) {
+    nlohmann::ordered_json j{{"ok", true}, {"file", options.out}, {"files", nlohmann::ordered_json::array()}};
+    for (const BundleFile& f : files) j["files"].push_back({{"name", f.name}, {"bytes", f.bytes.size()}, {"what", f.what}});
+    return print_json(j);
+  }
   for (const BundleFile& f : files) std::cout << fmt::format("{:<20} {:>8} bytes  {}\n", f.name, f.bytes.size(), f.what);
   std::cout << options.out << ": look into it before you hand it on\n";
 }
@@ -150,6 +159,7 @@ void add_report_verb(CLI::App& app) {
   verb->add_option("--set", options->assignments, "key=value, over the file's; may be given several times")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  verb->add_flag("--json", options->json, "One JSON object");
   verb->callback([options] { run(*options); });
 }
 

@@ -4,18 +4,16 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "daemon/config/load.hpp"
 #include "daemon/ctl/network_options.hpp"
+#include "daemon/ctl/print_json.hpp"
 #include "daemon/ctl/security_report.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/security/fleet_folder.hpp"
 
 namespace booth::daemon {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 /// What the library refuses becomes the verb's failure.
 template <class F>
@@ -42,7 +40,7 @@ void add_init(CLI::App& security) {
   verb->callback([options] {
     trying([&] { make_fleet(options->folder, options->fleet, options->days, utc_seconds()); });
     if (options->json)
-      std::cout << Json{{"folder", options->folder}, {"fleet", options->fleet}, {"days", options->days}}.dump() << "\n";
+      print_json({{"folder", options->folder}, {"fleet", options->fleet}, {"days", options->days}});
     else
       std::cout << fmt::format(
           "{} is the fleet \"{}\". Its two *_ca.key.pem are the fleet: keep a copy where nobody finds it, and the folder off the booths.\n", options->folder,
@@ -72,8 +70,7 @@ void add_issue(CLI::App& security) {
     });
     const auto until = trying([&] { return read_credentials(place).first_to_expire().valid.until; });
     if (options->json)
-      std::cout << Json{{"folder", place.string()}, {"name", identity_name(options->order.role, options->order.name)}, {"until", utc_text(until)}}.dump()
-                << "\n";
+      print_json({{"folder", place.string()}, {"name", identity_name(options->order.role, options->order.name)}, {"until", utc_text(until)}});
     else
       std::cout << fmt::format("{}  until {}\n", place.string(), utc_day(until));
   });
@@ -83,6 +80,7 @@ void add_revoke(CLI::App& security) {
   struct Options {
     std::string folder;
     std::vector<std::string> serials;
+    bool json = false;
   };
   auto options = std::make_shared<Options>();
   CLI::App* verb =
@@ -92,8 +90,10 @@ void add_revoke(CLI::App& security) {
     const bool good = !text.empty() && text.size() <= 40 && text.find_first_not_of("0123456789ABCDEFabcdef") == std::string::npos;
     return good ? std::string() : text + " is not a serial number (hexadecimal)";
   });
+  verb->add_flag("--json", options->json, "One JSON object");
   verb->callback([options] {
     trying([&] { revoke(options->folder, options->serials, utc_seconds()); });
+    if (options->json) return print_json({{"ok", true}, {"file", fmt::format("{}/{}", options->folder, kRevocationsFile)}, {"revoked", options->serials}});
     std::cout << fmt::format("{}/{} is to be copied beside each participant's cert.pem; restart who was running\n", options->folder, kRevocationsFile);
   });
 }

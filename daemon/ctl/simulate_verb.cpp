@@ -3,13 +3,14 @@
 #include "daemon/ctl/seed_option.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "daemon/ctl/progress.hpp"
+#include "daemon/ctl/seed_option.hpp"
 #include "daemon/simulation.hpp"
 
 namespace booth::daemon {
@@ -19,12 +20,6 @@ struct Options {
   SimulationRequest request;
   bool json = false;
 };
-
-/// Nothing when the output is piped.
-void show_progress(double done, double total) {
-  if (isatty(STDERR_FILENO) == 0) return;
-  std::cerr << fmt::format("\rsimulating {:5.1f} of {:.1f} s", done, total) << std::flush;
-}
 
 void run(const Options& options) {
   Simulation simulation = open_simulation(options.request);
@@ -39,6 +34,7 @@ void run(const Options& options) {
 
   std::uint64_t frames = 0;
   hal::MonotonicTime begin{}, last{};
+  ProgressLine line;
   while (true) {
     std::size_t first = next.size();
     for (std::size_t i = 0; i < next.size(); ++i)
@@ -52,11 +48,11 @@ void run(const Options& options) {
       if (const auto truth = source.truth->at(captured)) simulation.sink->write_truth(utc, *truth);
     if (frames++ == 0) begin = captured;
     last = captured;
-    if (frames % 20 == 0) show_progress(hal::seconds(captured - begin), simulation.seconds);
+    if (frames % 20 == 0) line.show(fmt::format("simulating {:5.1f} of {:.1f} s", hal::seconds(captured - begin), simulation.seconds));
     fill(first);
   }
   simulation.sink->close();
-  if (isatty(STDERR_FILENO) != 0) std::cerr << "\r\033[K";
+  line.clear();
   if (options.json) {
     std::cout << nlohmann::json{{"recording", options.request.out.string()},
                                 {"layout", options.request.layout},
@@ -91,7 +87,7 @@ void add_simulate_verb(CLI::App& app) {
   verb->add_option("--from", r.from, "Seconds to leave out at the start of a motion file");
   verb->add_option("--seconds", r.seconds, "Length; 0: as long as the motion")->capture_default_str();
   verb->add_option("--noise", r.noise, "kinect2, none or gaussian:SIGMA (metres)")->capture_default_str();
-  add_seed_option(*verb, r.seed, "The same seed gives the same recording");
+  as_seed(verb->add_option("--seed", r.seed, "The same seed gives the same recording"));
   verb->add_option("--layout", r.layout, "rosbag2 or folder")->capture_default_str();
   verb->add_flag("--keep-path", r.keep_path, "Leave the path of a motion file as it is");
   verb->add_option("--models", r.models, "Folder of men.npz, women.npz and test_bodies.npz");

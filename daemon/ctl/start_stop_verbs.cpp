@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "daemon/ctl/control_client.hpp"
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/verbs.hpp"
 
 namespace booth::daemon {
@@ -30,13 +31,17 @@ Json ask(ControlClient& client, const char* request) {
 /// Asks for the status until `there` says so.
 template <class F>
 Json wait_for(ControlClient& client, double limit, const char* what, F there) {
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(limit);
+  const auto begin = std::chrono::steady_clock::now();
+  const auto deadline = begin + std::chrono::duration<double>(limit);
+  ProgressLine line;
   while (true) {
     Json status = ask(client, "status");
     if (there(status.value("state", ""))) return status;
     if (std::chrono::steady_clock::now() > deadline)
       throw VerbFailure(fmt::format("{} took longer than {} s; boothd is {}{}", what, limit, status.value("state", "?"),
                                     status.value("remark", "").empty() ? "" : ": " + status.value("remark", "")));
+    line.show(fmt::format("{}: {:3} s  {}{}", what, std::chrono::duration_cast<std::chrono::seconds>(std::chrono::steady_clock::now() - begin).count(),
+                          status.value("state", "?"), status.value("remark", "").empty() ? "" : ", " + status.value("remark", "")));
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
 }

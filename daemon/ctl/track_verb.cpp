@@ -1,6 +1,5 @@
 // boothctl track: a recording in, skeletons and a body out, in the order of time and with nothing dropped.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
@@ -9,6 +8,7 @@
 #include <optional>
 
 #include "daemon/config/config.hpp"
+#include "daemon/ctl/progress.hpp"
 #include "daemon/ctl/seed_option.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/drivers_factory.hpp"
@@ -135,16 +135,15 @@ void run(const Options& options) {
   const auto histograms = std::make_unique<std::array<LatencyHistogram, kStages>>();
   std::string remark;
   DetailAverage detail;
-  const bool terminal = ::isatty(STDERR_FILENO);
+  ProgressLine line;
   const auto take = [&](const FitInput&, const FrameRecord& record) {
     frames.push_back(record);
     if (options.detail) detail.add(*setup.fitter);
     for (const Stage s : {Stage::cloud, Stage::fit})
       (*histograms)[static_cast<std::size_t>(s)].add(hal::Nanoseconds(record.stage_ns[static_cast<std::size_t>(s)]));
     if (record.person == PersonState::lost && remark != setup.fitter->remark()) remark = setup.fitter->remark();
-    if (terminal)
-      std::cerr << fmt::format("\rframe {:5}  {:<9}  residual {:5.1f} mm ", record.sequence, record.person == PersonState::lost ? "lost" : "tracked",
-                               1e3 * static_cast<double>(record.residual));
+    line.show(fmt::format("frame {:5}  {:<9}  residual {:5.1f} mm", record.sequence, record.person == PersonState::lost ? "lost" : "tracked",
+                          1e3 * static_cast<double>(record.residual)));
     return true;
   };
   OfflineCounters counters;
@@ -152,7 +151,7 @@ void run(const Options& options) {
     replay(options, source, *setup.fitter, take);
   else
     counters = run_offline(source.cameras, 1, *setup.fitter, take);
-  if (terminal) std::cerr << "\r\033[K";
+  line.clear();
   for (const auto& camera : source.cameras) {
     const hal::CameraCounters c = camera->counters();
     if (c.corrupt > 0 || c.dropped > 0)
@@ -203,7 +202,7 @@ void add_track_verb(CLI::App& app) {
   verb->add_option("--model", fit.sex, "Which body model")->check(CLI::IsMember({"auto", "men", "women"}))->capture_default_str();
   verb->add_option("--preset", fit.preset, "Which estimator")->check(CLI::IsMember({"booth", "paper"}))->capture_default_str();
   verb->add_option("--models", options->config.models.directory, "Folder of the model files");
-  add_seed_option(*verb, fit.seed, "Seed of the random numbers");
+  as_seed(verb->add_option("--seed", fit.seed, "Seed of the random numbers"));
   verb->add_option("--threads", fit.threads, "Worker threads; the result does not depend on it")->check(CLI::Range(1, 64))->capture_default_str();
   verb->add_option("--stage-radius", options->config.stage.radius, "Radius of the cylinder in which a person is looked for, metres")
       ->check(CLI::Range(0.5, 5.0))

@@ -7,9 +7,9 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <thread>
+
+#include "daemon/ctl/bench_json.hpp"
 
 namespace booth::bench {
 namespace {
@@ -38,13 +38,6 @@ double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
-}
-
-std::string processor() {
-  std::ifstream file("/proc/cpuinfo");
-  for (std::string line; std::getline(file, line);)
-    if (line.starts_with("model name")) return line.substr(std::min(line.size(), line.find(':') + 2));
-  return "unknown";
 }
 
 std::vector<Task>& registered() {
@@ -112,15 +105,13 @@ std::string Report::table() const {
 }
 
 std::string Report::json() const {
-  nlohmann::ordered_json machine{{"processor", processor()}, {"cores", std::thread::hardware_concurrency()}};
-  for (const auto& [key, value] : notes_) machine[key] = value;
   auto results = nlohmann::ordered_json::array();
   for (const Result& r : results_) {
     nlohmann::ordered_json one{{"name", r.name}, {"unit", r.unit}, {"value", r.value}};
     if (!r.reference.empty()) one["reference"] = r.reference, one["reference_value"] = r.reference_value, one["ratio"] = r.value / r.reference_value;
     results.push_back(std::move(one));
   }
-  return nlohmann::ordered_json{{"benchmark", benchmark_}, {"machine", std::move(machine)}, {"results", std::move(results)}}.dump(2);
+  return daemon::bench_json(benchmark_, notes_, std::move(results)).dump(2);
 }
 
 }  // namespace booth::bench

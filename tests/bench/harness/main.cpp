@@ -7,7 +7,7 @@
 int main(int argc, char** argv) {
   using namespace booth::bench;
   constexpr int kUsage = 64;
-  CLI::App app{"Measures boothd's parts against references of the same run.", "booth-bench"};
+  CLI::App app{"Measures boothd's parts against references of the same run.", "boothctl bench"};
   app.require_subcommand(1);
   Common common;
   for (const Task& task : tasks()) {

@@ -184,7 +184,11 @@ TEST(ConfigImport, TellsWhatChanges) {
   const Box box;
   const ConfigPlan plan =
       box.plan(std::string(kHead) + "[booth]\nid = \"lobby\"\n[stage]\nradius = 2.5\n[fit]\nthreads = 4\n[cameras.kinect2]\nserials = [\"1\", \"2\"]\n");
-  EXPECT_THAT(changes_of(plan), ElementsAre("stage.radius: 1.5 -> 2.5"));
+  const auto changes = changes_of(plan);
+  ASSERT_EQ(changes.size(), 1u);
+  EXPECT_EQ(changes[0].key, "stage.radius");
+  EXPECT_EQ(changes[0].before, "1.5");
+  EXPECT_EQ(changes[0].after, "2.5");
 }
 
 TEST(ConfigImport, RefusesTheWholeForEveryMistakeInIt) {

@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include "daemon/config/load.hpp"
 #include "daemon/ctl/control_server.hpp"
 #include "daemon/security/fleet_folder.hpp"
@@ -11,6 +13,7 @@
 namespace booth::daemon {
 namespace {
 
+using nlohmann::json;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -50,6 +53,30 @@ TEST_F(ConfigProgram, OutChangedAndIn) {
   EXPECT_EQ(now().stage.radius, 2.5);
   EXPECT_EQ(config({"import", out}), 0) << output;
   EXPECT_THAT(output, HasSubstr("has these values already"));
+}
+
+TEST_F(ConfigProgram, TellsProgramsWhatItTellsPeople) {
+  const std::string out = (folder.path / "out.toml").string();
+  ASSERT_EQ(config({"export", "--out", out, "--set", "stage.radius=2.5"}), 0) << output;
+  ASSERT_EQ(config({"import", out, "--dry-run", "--json"}), 0) << output;
+  const json change{{"key", "stage.radius"}, {"before", "1.5"}, {"after", "2.5"}};
+  json j = json::parse(output);
+  EXPECT_EQ(j["ok"], true);
+  EXPECT_EQ(j["written"], false);
+  EXPECT_EQ(j["changes"], json::array({change}));
+  EXPECT_THAT(j["warnings"].dump(), HasSubstr("does not exist on this machine"));
+  EXPECT_EQ(now().stage.radius, 1.5);
+  ASSERT_EQ(config({"import", out, "--json"}), 0) << output;
+  j = json::parse(output);
+  EXPECT_EQ(j["written"], true);
+  EXPECT_EQ(j["boothd_runs"], false);
+  EXPECT_TRUE(std::filesystem::exists(j["backup"].get<std::string>())) << j;
+  folder.write("calibration.toml", "x");
+  ASSERT_EQ(config({"reset", "--all", "--dry-run", "--json"}), 0) << output;
+  EXPECT_EQ(json::parse(output)["would_be_deleted"], json::array({calibration().string()}));
+  ASSERT_EQ(config({"reset", "--all", "--confirm", "lobby", "--json"}), 0) << output;
+  EXPECT_EQ(json::parse(output)["deleted"], json::array({calibration().string()}));
+  EXPECT_FALSE(std::filesystem::exists(calibration()));
 }
 
 TEST_F(ConfigProgram, SaysThatARunningBoothdHasToBeStartedAnew) {

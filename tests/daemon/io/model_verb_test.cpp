@@ -1,15 +1,22 @@
 // `boothctl model`: what `info` says about the committed files, and the sentences that bad input gets.
 #include "daemon/ctl/model_verb.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <CLI/CLI.hpp>
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "daemon/io/model_file.hpp"
+#include "tests/daemon/support/temporary_folder.hpp"
 
 namespace booth::daemon {
 namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 
 const std::filesystem::path kModels = std::filesystem::path(BOOTH_SOURCE_DIR) / "fit" / "models";
 
@@ -66,6 +73,39 @@ TEST(ModelTraining, MissingDataGetsASentenceThatNamesTheFile) {
     EXPECT_NE(std::string(e.what()).find("/nonexistent/survey"), std::string::npos) << e.what();
   }
   EXPECT_THROW(run_model_train_pose({"/nonexistent", kModels / "never.npz", {}, 1}, out), std::runtime_error);
+}
+
+/// What `boothctl model ...` complains of; parsing runs it.
+std::string complaint_of(std::vector<std::string> arguments) {
+  CLI::App app;
+  add_model_verbs(app);
+  std::reverse(arguments.begin(), arguments.end());
+  try {
+    app.parse(arguments);
+  } catch (const CLI::ParseError& e) {
+    return std::string("usage: ") + e.what();
+  } catch (const std::exception& e) {
+    return e.what();
+  }
+  return {};
+}
+
+TEST(ModelTraining, OneFolderStandsForBoth) {
+  const tests::TemporaryFolder folder;
+  const std::string data = folder.path.string(), out = kModels.string();
+  const auto train = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), {"model", "train-shape", "--out", out});
+    return complaint_of(more);
+  };
+  EXPECT_THAT(train({data}), AllOf(HasSubstr("usage: "), HasSubstr("has no folder makehuman-cc0 in it")));
+  for (const char* name : {"makehuman-cc0", "ansur2", "elsewhere"}) std::filesystem::create_directory(folder.path / name);
+  // The folders are empty: what is missed says where it was looked for.
+  EXPECT_THAT(train({data}), HasSubstr(data + "/ansur2/ansur2_male_subset.csv"));
+  EXPECT_THAT(train({"--makehuman", data + "/makehuman-cc0", "--ansur", data + "/elsewhere"}), HasSubstr(data + "/elsewhere/ansur2_male_subset.csv"));
+  EXPECT_THAT(train({}), AllOf(HasSubstr("usage: "), HasSubstr("DIR, or --makehuman and --ansur")));
+  EXPECT_THAT(train({"--makehuman", data + "/makehuman-cc0"}), AllOf(HasSubstr("usage: "), HasSubstr("--ansur")));
+  EXPECT_THAT(train({data, "--seed", "-1"}), HasSubstr("--seed: Value -1 not in range 0 to 9000000000000000"));
+  EXPECT_THAT(train({data, "--ansur", data + "/elsewhere"}), AllOf(HasSubstr("usage: "), HasSubstr("--ansur")));
 }
 
 }  // namespace

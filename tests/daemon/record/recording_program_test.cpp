@@ -169,7 +169,8 @@ TEST_F(RecordingProgram, SealedItOpensForTheKeyAloneAndIsReplayedToTheSameBits) 
   EXPECT_EQ(ctl({"export", session, "--format", "csv", "--key", key, "--out", (folder.path / "x.csv").string()}), 0) << err;
   EXPECT_EQ(ctl({"track", bag, "--out", (folder.path / "t").string()}), 1);
   EXPECT_THAT(err, HasSubstr("boothctl decrypt"));
-  EXPECT_EQ(ctl({"decrypt", session, "--key", key, "--out", (folder.path / "s").string()}), 0) << err;
+  EXPECT_EQ(ctl({"decrypt", session, "--key", key, "--json", "--out", (folder.path / "s").string()}), 0) << err;
+  EXPECT_EQ(json::parse(out), (json{{"ok", true}, {"folder", (folder.path / "s").string()}, {"complaints", json::array()}}));
   EXPECT_EQ(read_text(folder.path / "s" / "skeleton.csv"), read_text(folder.path / "x.csv"));
   EXPECT_TRUE(json::parse(read_text(folder.path / "s" / "session.json")).contains("beta"));
   std::vector<fs::path> open;

@@ -84,7 +84,8 @@ TEST_F(SecurityProgram, MakesIssuesAndShows) {
   ASSERT_EQ(shown["participants"].size(), 3u);
   const std::string serial = shown["participants"][1]["serial"];
   EXPECT_THAT(shown["participants"][1]["problem"], HasSubstr("expires on"));
-  EXPECT_EQ(run("boothctl", {"security", "revoke", place, serial}), 0) << output;
+  EXPECT_EQ(run("boothctl", {"security", "revoke", place, serial, "--json"}), 0) << output;
+  EXPECT_EQ(json::parse(output)["revoked"], json::array({serial}));
   EXPECT_EQ(run("boothctl", {"security", "revoke", place, "xyz"}), 64);
   EXPECT_EQ(run("boothctl", {"security", "show", fleet.folder.path.string()}), 1);
   EXPECT_THAT(output, HasSubstr("holds neither credentials"));
