@@ -387,15 +387,12 @@ void print_config_reference(std::ostream& out) {
          "boothd reads `/etc/boothd/boothd.toml` (or `--config FILE`), then `FILE.d/*.toml` in alphabetical order, then each `--set key=value`; later values "
          "win.\n"
          "A table `[export]`, which `boothctl config export` writes, says who wrote the file and sets nothing.\n"
-         "A file may say `version = 1` before its first table. boothd also takes a file of the next version, which an update wrote that was taken back since: "
-         "there a key "
-         "that it does not know is passed over with a warning ([state](state.md)).\n"
-         "Mistakes are reported all at once, each with file, line, key and what is allowed. `boothd --check-config` starts nothing: it shows the result, the "
-         "memory plan "
-         "and then every mistake, of keys that do not go together and of what they name (models, recordings, credentials, keys to seal to), too. It ends with "
-         "78 "
-         "where "
-         "something must be mended, with 69 where a device or a file is only not there yet; a `gpio.chip` that is not there is a warning.\n";
+         "A file may say `version = 1` before its first table. boothd also takes a file of the next version, which an update wrote that was taken "
+         "back since: there a key that it does not know is passed over with a warning ([state](state.md)).\n"
+         "Mistakes are reported all at once, each with file, line, key and what is allowed. `boothd --check-config` starts nothing: it shows the "
+         "result, the memory plan and then every mistake, of keys that do not go together and of what they name (models, recordings, credentials, "
+         "keys to seal to), too. It ends with 78 where something must be mended, with 69 where a device or a file is only not there yet; a "
+         "`gpio.chip` that is not there is a warning.\n";
   const Config defaults;
   std::string section;
   for (const ConfigKey& key : config_keys()) {
