@@ -38,7 +38,8 @@ constexpr double kLearnableData = 0.3;                     // the shape is not l
 constexpr int kFewestPoints = 200;                         // fewer are no person
 constexpr double kLostData = 0.55;                         // robust residual above which the model does not explain the cloud
 constexpr double kLostFreeSpace = 0.45;
-constexpr double kStrangeShape = 6;        // standard deviations of a coefficient: a body that is none, unless it explains what is seen
+// A body as few are, and which stands where cameras saw through, is none: an adult folded into a child, say. Standard deviations of a coefficient.
+constexpr double kStrangeShape = 3, kStrangeFreeSpace = 0.05;
 constexpr double kVelocityMemory = 0.4;    // share of the old velocity in the new
 constexpr double kPredictionShare = 0.8;   // of the velocity that is trusted for one frame
 constexpr double kShapeFrameTrust = 0.25;  // frames 1/30 s apart are not independent looks at the body
@@ -127,7 +128,7 @@ bool BoothFitter::sure(const RefineReport& report) {
 
 bool BoothFitter::accepted(const Solution& solution, const Observation& observation) {
   if (observation.cloud.size < kFewestPoints || solution.report.data >= kLostData || solution.report.free_space >= kLostFreeSpace) return false;
-  return convincing(solution.report) || solution.beta.cwiseAbs().maxCoeff() < kStrangeShape;
+  return solution.report.free_space < kStrangeFreeSpace || solution.beta.cwiseAbs().maxCoeff() < kStrangeShape;
 }
 
 void BoothFitter::refine_fine(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity,
