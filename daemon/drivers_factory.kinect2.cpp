@@ -107,7 +107,7 @@ std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus, Ca
   for (std::size_t i = 0; i < places.size(); ++i)
     for (std::size_t j = 0; j < i; ++j)
       if (places[i].serial == places[j].serial) throw std::runtime_error("cameras.kinect2.serials names " + places[i].serial + " twice");
-  return std::move(places);
+  return places;
 }
 
 bool decodes_on_device(const Config& config) {
