@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <stdexcept>
 
@@ -51,24 +52,50 @@ std::string found_serials(drivers::usb::Bus& bus) {
   return serials.empty() ? "none is plugged in" : fmt::format("plugged in are {}", fmt::join(serials, ", "));
 }
 
+/// What the calibration file says of the sensors, which may lack serials.
+struct Stored {
+  std::vector<Position> where;
+  CalibrationUsed used;
+};
+
+Position position_of(const hal::CameraDescription& place) {
+  return {
+      .name = place.name, .serial = place.serial, .camera_to_world = place.camera_to_world, .depth_gain = place.depth_gain, .depth_offset = place.depth_offset};
+}
+
+/// Nothing where there is no file yet.
+std::optional<Stored> read_stored(const std::string& file) {
+  std::error_code unreadable;
+  if (file.empty() || !(std::filesystem::exists(file, unreadable) || unreadable)) return std::nullopt;
+  drivers::CalibrationNotes said;
+  Stored out;
+  for (const auto& place : drivers::read_calibration(file, &said)) out.where.push_back(position_of(place));
+  const auto late = drivers::read_time_offsets(file);
+  for (std::size_t i = 0; i < out.where.size(); ++i) out.where[i].late = late[i];
+  out.used = calibration_used(file, said, true);
+  for (const auto& warning : said.newer) log_message(LogLevel::warning, Message::newer_file, warning);
+  if (said.checksum.empty())
+    log_line(LogLevel::info, file +
+                                 " has no checksum: it was edited, or an older boothd wrote it. A byte that changes in it is not noticed; when it is as it "
+                                 "should be, boothctl calibrate --confirm gives it one");
+  return out;
+}
+
 /// `used` says where they are from.
 std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus, CalibrationUsed& used) {
   const auto& kinect = config.cameras.kinect2;
-  std::error_code unreadable;
-  const bool calibrated = !kinect.calibration.empty() && (std::filesystem::exists(kinect.calibration, unreadable) || unreadable);
   const auto nobody_named = [&] {
     return std::runtime_error("cameras.kinect2.serials is empty: name the sensors in the order of their positions (" + found_serials(bus) + ")");
   };
-  if (!calibrated && kinect.serials.empty()) throw nobody_named();
-  drivers::CalibrationNotes said;
-  const auto places = calibrated ? drivers::read_calibration(kinect.calibration, &said) : drivers::camera_ring(static_cast<int>(kinect.serials.size()));
-  for (const auto& warning : said.newer) log_message(LogLevel::warning, Message::newer_file, warning);
-  used = calibrated ? calibration_used(kinect.calibration, said, true) : CalibrationUsed{.source = CalibrationUsed::Source::layout};
-  if (calibrated && said.checksum.empty())
-    log_line(LogLevel::info,
-             kinect.calibration +
-                 " has no checksum: it was edited, or an older boothd wrote it. A byte that changes in it is not noticed; when it is as it should be, "
-                 "boothctl calibrate --confirm gives it one");
+  std::optional<Stored> stored = read_stored(kinect.calibration);
+  const bool calibrated = stored.has_value();
+  if (!calibrated) {
+    if (kinect.serials.empty()) throw nobody_named();
+    stored = {.where = {}, .used = {.source = CalibrationUsed::Source::layout}};
+    for (const auto& place : drivers::camera_ring(static_cast<int>(kinect.serials.size()))) stored->where.push_back(position_of(place));
+  }
+  std::vector<Position>& places = stored->where;
+  used = stored->used;
   if (kinect.serials.empty() && std::any_of(places.begin(), places.end(), [](const auto& p) { return p.serial.empty(); })) throw nobody_named();
   if (!calibrated)
     log_line(LogLevel::warning, fmt::format("{}the cameras are taken to stand at the corners of the default booth: calibrate them (boothctl calibrate)",
@@ -76,19 +103,11 @@ std::vector<Position> positions(const Config& config, drivers::usb::Bus& bus, Ca
   if (!kinect.serials.empty() && places.size() != kinect.serials.size())
     throw std::runtime_error(
         fmt::format("cameras.kinect2.serials names {} sensors, {} has {} positions", kinect.serials.size(), kinect.calibration, places.size()));
-  const auto late = calibrated ? drivers::read_time_offsets(kinect.calibration) : std::vector<double>(places.size());
-  std::vector<Position> out;
+  for (std::size_t i = 0; i < kinect.serials.size(); ++i) places[i].serial = kinect.serials[i];
   for (std::size_t i = 0; i < places.size(); ++i)
-    out.push_back({.name = places[i].name,
-                   .serial = kinect.serials.empty() ? places[i].serial : kinect.serials[i],
-                   .camera_to_world = places[i].camera_to_world,
-                   .depth_gain = places[i].depth_gain,
-                   .depth_offset = places[i].depth_offset,
-                   .late = late[i]});
-  for (std::size_t i = 0; i < out.size(); ++i)
     for (std::size_t j = 0; j < i; ++j)
-      if (out[i].serial == out[j].serial) throw std::runtime_error("cameras.kinect2.serials names " + out[i].serial + " twice");
-  return out;
+      if (places[i].serial == places[j].serial) throw std::runtime_error("cameras.kinect2.serials names " + places[i].serial + " twice");
+  return places;
 }
 
 bool decodes_on_device(const Config& config) {
@@ -209,6 +228,31 @@ DepthSource open_kinect(const Config& config, std::shared_ptr<hal::Clock> clock)
 }
 
 #ifdef BOOTHD_EMULATOR
+namespace {
+
+/// Emulated sensors hang where the scene has them, and are taken to hang where the stored calibration has them, as real ones are. One of other sensors says
+/// nothing of them: whoever tries the emulator on a booth's own box need not put its calibration away.
+std::vector<Position> emulated_positions(const Config& config, const std::vector<hal::CameraDescription>& scene, CalibrationUsed& used) {
+  std::vector<Position> out;
+  for (const auto& camera : scene) out.push_back(position_of(camera));
+  used = {.source = CalibrationUsed::Source::layout};
+  const std::string& file = config.cameras.kinect2.calibration;
+  std::optional<Stored> stored = read_stored(file);
+  if (!stored) return out;
+  std::vector<Position> calibrated;
+  for (const Position& sensor : out)
+    for (const Position& place : stored->where)
+      if (place.serial == sensor.serial) calibrated.push_back(place);
+  if (calibrated.size() != out.size() || stored->where.size() != out.size()) {
+    log_line(LogLevel::warning, fmt::format("{} is of other sensors: the emulated ones are taken to stand where the simulated booth has them", file));
+    return out;
+  }
+  used = std::move(stored->used);
+  return calibrated;
+}
+
+}  // namespace
+
 DepthSource open_emulated_kinect(const Config& config, drivers::Person person, std::shared_ptr<hal::Clock> clock) {
   const auto& synthetic = config.cameras.synthetic;
   drivers::SceneSettings scene;
@@ -218,15 +262,15 @@ DepthSource open_emulated_kinect(const Config& config, drivers::Person person, s
   std::vector<drivers::Person> persons;
   persons.push_back(std::move(person));
   auto emulated = kinect2::emulator::make_emulated_scene(std::move(scene), std::move(persons), config.cameras.emulated.rate, clock);
-  std::vector<Position> where;
-  for (const auto& camera : emulated.cameras) where.push_back({camera.name, camera.serial, camera.camera_to_world});
+  CalibrationUsed calibration;
+  const auto where = emulated_positions(config, emulated.cameras, calibration);
   const kinect2::KinectShared shared{.bus = emulated.bus, .clock = clock, .notes = notes(clock), .decoder = decoder_maker(config)};
   return {.clock = clock,
           .cameras = make_cameras(config, shared, where, config.cameras.emulated.rate),
           .truth = std::move(emulated.truth),
           .background = std::move(emulated.background),
           .name = fmt::format("kinect2-emulated: {} {} noise {} seed {}", synthetic.body, synthetic.motion, synthetic.noise, synthetic.seed),
-          .calibration = {.source = CalibrationUsed::Source::layout}};
+          .calibration = std::move(calibration)};
 }
 #endif
 

@@ -354,7 +354,8 @@ LoadedConfig load_settings(const ConfigSources& sources, std::vector<std::string
 }
 
 std::string LoadedConfig::placed(const KeyProblem& problem) const {
-  const auto& [keys, sentence] = problem;
+  const auto& keys = problem.keys;
+  const std::string& sentence = problem.sentence;
   if (keys.empty()) return sentence;
   auto key = std::find_if(keys.begin(), keys.end(), [&](auto k) { return places.contains(k) && sentence.find(k) != std::string::npos; });
   if (key == keys.end()) key = std::find_if(keys.begin(), keys.end(), [&](auto k) { return names_value(sentence, k, config); });

@@ -22,6 +22,7 @@
 #include "daemon/config/load.hpp"
 #include "daemon/ctl/calibrate_through.hpp"
 #include "daemon/ctl/from_person.hpp"
+#include "daemon/ctl/print_json.hpp"
 #include "daemon/ctl/seed_option.hpp"
 #include "daemon/ctl/verbs.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
@@ -88,6 +89,9 @@ std::string who(const Options& o) {
 void print_board(const Options& o) {
   const auto& paper = paper_of(o);
   write_file_atomically(o.print, board_pdf(paper));
+  if (o.json)
+    return print_json(
+        {{"ok", true}, {"file", o.print}, {"paper", o.paper}, {"width_mm", paper.width}, {"height_mm", paper.height}, {"square_mm", paper.square}});
   std::cout << fmt::format("{}: board for {} ({} x {} mm), squares {} mm. Print at 100 % on matt paper with toner, check the ruler, and glue it flat.\n",
                            o.print, o.paper, paper.width, paper.height, paper.square);
 }
@@ -101,6 +105,7 @@ void simulate(const Options& o) {
   std::string truth = "# Where the simulated cameras really hang.\nversion = 1\n";
   for (const auto& c : simulated_cameras(o.seed).real) truth += camera_table(c);
   write_file_atomically(fs::path(o.simulate) / "truth.toml", truth);
+  if (o.json) return print_json({{"ok", true}, {"folder", o.simulate}, {"views", folder.views}, {"square_mm", 1000 * settings.square}});
   std::cout << fmt::format("{}: {} views of a board with squares of {} mm by four simulated cameras; boothctl calibrate --from {}\n", o.simulate, folder.views,
                            1000 * settings.square, o.simulate);
 }
@@ -353,6 +358,19 @@ void verify_from(Options o) {
   if (!o.json) std::cout << verdict.sentence << "\n";
 }
 
+void restore(const Options& o) {
+  const fs::path file = file_of(o), before = restore_calibration(file);
+  if (o.json) return print_json({{"ok", true}, {"file", file.string()}, {"restored", before.string()}});
+  std::cout << fmt::format("{}: now what {} was\n", file.string(), before.filename().string());
+}
+
+void confirm(const Options& o) {
+  const fs::path file = file_of(o);
+  confirm_calibration(file);
+  if (o.json) return print_json({{"ok", true}, {"file", file.string()}});
+  std::cout << file.string() << ": has the checksum of what stands in it\n";
+}
+
 void from_person(const Options& o) {
   Config config = load_config({.file = o.config, .assignments = o.assignments});
   const bool named = !o.out.empty() || !config.cameras.kinect2.calibration.empty();
@@ -368,11 +386,8 @@ void run(const Options& o) {
   if (o.verify && o.from.empty()) throw VerbFailure("--verify needs the views to look at: --from DIR", 64);
   const bool own = o.live_simulation || !o.keep.empty() || !o.out.empty();
   if (tasks == 0 && (own || !calibrate_through_boothd(o.socket, o.json))) calibrate_live(o);
-  if (o.restore) std::cout << fmt::format("{}: now what {} was\n", file_of(o).string(), restore_calibration(file_of(o)).filename().string());
-  if (o.confirm) {
-    confirm_calibration(file_of(o));
-    std::cout << file_of(o).string() << ": has the checksum of what stands in it\n";
-  }
+  if (o.restore) restore(o);
+  if (o.confirm) confirm(o);
   if (!o.print.empty()) print_board(o);
   if (!o.simulate.empty()) simulate(o);
   if (!o.from_person.empty()) from_person(o);

@@ -4,7 +4,6 @@
 #include <dds/dds.h>
 #include <fmt/format.h>
 
-#include <cstring>
 #include <optional>
 #include <random>
 #include <stdexcept>
@@ -12,6 +11,7 @@
 
 #include "booth.h"
 #include "daemon/dds/booth_listener.hpp"
+#include "daemon/dds/bounded_text.hpp"
 #include "daemon/dds/participant.hpp"
 #include "daemon/dds/topics.hpp"
 
@@ -93,8 +93,8 @@ CommandAnswer CommandClient::send(DdsCommand command, std::chrono::milliseconds 
   Impl& me = *impl_;
   const auto end = Clock::now() + limit;
   booth_msg_Command sample{};
-  std::strncpy(sample.booth, me.settings.booth.c_str(), sizeof sample.booth - 1);
-  std::strncpy(sample.sender, me.sender.c_str(), sizeof sample.sender - 1);
+  set_text(sample.booth, me.settings.booth);
+  set_text(sample.sender, me.sender);
   sample.version = booth_msg_VERSION;
   sample.id = random_number();
   sample.kind = static_cast<booth_msg_CommandKind>(command);

@@ -97,9 +97,20 @@ void EstimatorFitter::reset() {
   estimator_.reset();
   followed_.forget();
   if (drift_) drift_->new_person();
+  body_accepted_ = false;
+  given_up_ = 0;
 }
 
 void EstimatorFitter::watch_drift() {
+  // A body that is not accepted any more is estimated anew, most likely somebody else's: what is known of the shape is not mixed with the next one's. Whoever
+  // is merely out of sight keeps it.
+  if (result_->state != fit::FitState::lost) {
+    if (body_accepted_ && !result_->body_accepted) {
+      ++given_up_;
+      if (drift_) drift_->new_person();
+    }
+    body_accepted_ = result_->body_accepted;
+  }
   if (!drift_ || !drift_->observe(observation_, *result_)) return;
   const std::lock_guard lock(drift_mutex_);
   for (std::size_t c = 0; c < cameras_.size(); ++c) {

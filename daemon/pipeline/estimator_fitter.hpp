@@ -42,6 +42,8 @@ class EstimatorFitter final : public FrameFitter {
   const fit::CloudReport& report() const { return report_; }
   const fit::Estimator& estimator() const { return estimator_; }
   const fit::FitResult& result() const { return *result_; }
+  /// Bodies since the last reset() that were given up because somebody else came: so often the drift watch was told.
+  int given_up() const { return given_up_; }
 
  private:
   void watch_drift();
@@ -55,6 +57,8 @@ class EstimatorFitter final : public FrameFitter {
   std::optional<fit::calibrate::DriftWatch> drift_;  ///< none with a single camera
   mutable std::mutex drift_mutex_;                   ///< guards what follows
   std::array<CameraDriftStatus, kMaxCameras> drift_said_{};
+  bool body_accepted_ = false;  ///< of the last frame with a person
+  int given_up_ = 0;
   const fit::FitResult* result_ = nullptr;  ///< the estimator's, set by the first step()
   const char* remark_ = "";
 };

@@ -68,7 +68,7 @@ class OfflineRun {
       if (first) {
         ++counters_.frames;
         ReleasedSlots released;
-        synchroniser_.add({static_cast<int>(first - feeds_.data()), now, first->ahead}, released);
+        synchroniser_.add({static_cast<int>(first - feeds_.data()), now, first->ahead}, hal::MonotonicTime::max(), released);
         first->ahead = -1;
         release(released);
       }

@@ -65,7 +65,7 @@ void Pipeline::release(const FrameGroup& group) {
 
 void Pipeline::take_frames(Synchroniser& synchroniser, ReleasedSlots& released) {
   for (std::size_t cam = 0; cam < workers_.size(); ++cam) {
-    for (int slot = 0; workers_[cam]->take(slot);) synchroniser.add({static_cast<int>(cam), workers_[cam]->frame(slot).captured, slot}, released);
+    for (int slot = 0; workers_[cam]->take(slot);) synchroniser.add({static_cast<int>(cam), workers_[cam]->frame(slot).captured, slot}, clock_.now(), released);
   }
 }
 

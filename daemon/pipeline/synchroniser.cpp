@@ -26,9 +26,24 @@ void Synchroniser::drop_front(int camera, ReleasedSlots& released) {
   ++frames_dropped_;
 }
 
-void Synchroniser::add(const FrameStamp& stamp, ReleasedSlots& released) {
+/// Ahead of `now` alone is no fault: a recording that is played as fast as it can be read has its own time, but all of its cameras have the same.
+bool Synchroniser::from_the_future(const FrameStamp& stamp, MonotonicTime now) const {
+  const MonotonicTime limit = stamp.captured - settings_.ahead;
+  if (limit <= now) return false;
+  bool others = false;
+  for (int cam = 0; cam < settings_.cameras; ++cam) {
+    const Lane& lane = lanes_[static_cast<std::size_t>(cam)];
+    if (cam == stamp.camera || !lane.heard) continue;
+    if (limit <= lane.last) return false;
+    others = true;
+  }
+  const Lane& own = lanes_[static_cast<std::size_t>(stamp.camera)];
+  return others || !own.heard || limit > own.last;
+}
+
+void Synchroniser::add(const FrameStamp& stamp, MonotonicTime now, ReleasedSlots& released) {
   Lane& lane = lanes_[static_cast<std::size_t>(stamp.camera)];
-  if (lane.heard && stamp.captured <= lane.last) {
+  if ((lane.heard && stamp.captured <= lane.last) || from_the_future(stamp, now)) {
     released.push(stamp.camera, stamp.slot);
     ++frames_dropped_;
     return;

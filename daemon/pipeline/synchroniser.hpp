@@ -22,6 +22,7 @@ struct SynchroniserSettings {
   hal::Nanoseconds window = std::chrono::milliseconds(15);    ///< most that a frame may lie from its group's reference instant
   hal::Nanoseconds patience = std::chrono::milliseconds(60);  ///< how long after its window an incomplete group waits: a loaded machine delivers late
   hal::Nanoseconds silence = std::chrono::milliseconds(150);  ///< a camera that is silent for longer is not waited for
+  hal::Nanoseconds ahead = std::chrono::milliseconds(200);    ///< most that a stamp may lie ahead of the clock: a calibration takes 50 ms off one, no more
 };
 
 struct FrameStamp {
@@ -59,9 +60,10 @@ class Synchroniser {
   /// Throws std::invalid_argument when the number of cameras is not 1 to kMaxCameras.
   explicit Synchroniser(SynchroniserSettings settings);
 
-  /// A new frame. Frames of one camera come in order of time; one that does not is released, and so is (newest first) one from before the last group's
-  /// reference instant: references only ever grow. Released slots are appended.
-  void add(const FrameStamp& stamp, ReleasedSlots& released);
+  /// A new frame that has come at `now` (MonotonicTime::max() where no clock runs along). Frames of one camera come in order of time; one that does not is
+  /// released, and so is (newest first) one from before the last group's reference instant: references only ever grow. Likewise one from the future, ahead of
+  /// `now` and of the other cameras: it would make all of their frames old until its time has come. Released slots are appended.
+  void add(const FrameStamp& stamp, hal::MonotonicTime now, ReleasedSlots& released);
 
   /// The next group that is due at `now`, if any (MonotonicTime::max() when nothing more will come). Call until false after each add() and whenever time has
   /// passed, with an empty `released`: slots of frames that no group can use any more are appended to it.
@@ -85,6 +87,7 @@ class Synchroniser {
     hal::Nanoseconds span{};
   };
 
+  bool from_the_future(const FrameStamp& stamp, hal::MonotonicTime now) const;
   Candidate candidate_from(hal::MonotonicTime earliest) const;
   /// The best group; with a deadline, of those whose window ended before it. `cameras` is 0 when there is none.
   Candidate best_candidate(hal::MonotonicTime oldest, hal::MonotonicTime deadline) const;

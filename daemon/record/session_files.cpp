@@ -21,6 +21,7 @@
 
 #include "daemon/io/atomic_file.hpp"
 #include "daemon/io/file_bytes.hpp"
+#include "daemon/pipeline/accepted_body.hpp"
 #include "daemon/pipeline/coverage.hpp"
 #include "daemon/record/retention.hpp"
 #include "daemon/record/session_export.hpp"
@@ -295,6 +296,7 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
   const FrameRecord* last_good = nullptr;
   std::uint64_t accepted_at = 0;
   std::size_t viewpoints = 0;  // the most cameras that a frame with a person came from
+  AcceptedBody bodies;
   bool accepted = false;
   for (const FrameRecord& f : frames) {
     if (f.person == PersonState::lost) {
@@ -306,7 +308,7 @@ SessionSummary finish_session(const fs::path& folder, const SessionInfo& info, c
     if (!last_good || f.body_accepted || !last_good->body_accepted) last_good = &f;
     out.coverage += static_cast<double>(f.coverage);
     viewpoints = std::max<std::size_t>(viewpoints, f.cameras);
-    if (!accepted && f.body_accepted) {
+    if (bodies.another(f)) {
       accepted = true;
       accepted_at = f.sequence;
     }

@@ -76,6 +76,10 @@ void Controller::log(const FrameRecord& record) noexcept {
     const std::lock_guard lock(shared_mutex_);
     last_ = record;
     last_known_ = true;
+    if (bodies_.another(record)) {
+      accepted_ = record;
+      body_due_ = true;
+    }
     last_frame_ = clock_.now();
     if (frames_++ == 0) first_frame_ = last_frame_;
     remark_ = fitter_->remark();
@@ -132,8 +136,8 @@ void Controller::take_requests() {
 void Controller::take_frames() {
   for (FrameNote note; notes_.pop(note);) {
     apply(machine_.frame(note.there, note.accepted, clock_.now()), "fit");
-    if (machine_.body_known() && !body_published_ && machine_.running()) publish_body();
   }
+  if (machine_.body_known() && machine_.running()) publish_body(false);
 }
 
 void Controller::watch_cameras() {
@@ -209,7 +213,8 @@ void Controller::begin_session() {
   session_began_utc_ = info.began_utc_ns = clock_.utc_now().time_since_epoch().count();
   info.id = make_session_id(info.began_utc_ns);
   info.events = story_.events();
-  body_published_ = log_trouble_told_ = false;
+  log_trouble_told_ = false;
+  bodies_told_ = 0;
   {
     const std::lock_guard lock(shared_mutex_);
     session_.clear(), folder_.clear();  // the last one's are not this one's while the disk is waited for
@@ -228,6 +233,8 @@ void Controller::begin_session() {
     session_ = info.id;
     folder_ = folder;
     last_known_ = false;
+    bodies_ = {};
+    body_due_ = false;
     frames_ = 0;
     remark_ = "";
   }
@@ -263,6 +270,7 @@ void Controller::watch_log() {
 void Controller::end_session(const std::string& reason, const std::string& state_at_end) {
   pipeline_->deactivate();
   take_frames();
+  publish_body(true);  // the last one's, whose files the session gets
   {
     const PatientProgress::Busy busy(progress_);
     log_.close();
@@ -338,14 +346,24 @@ bool Controller::save(Ended session, bool newest) {
   return true;
 }
 
-void Controller::publish_body() {
-  body_published_ = true;
+void Controller::publish_body(bool at_once) {
+  // A fit that cannot decide who stands there must not flood its readers, who keep the newest only.
+  constexpr auto kBetweenBodies = 1s;
+  const hal::MonotonicTime now = clock_.now();
+  if (!at_once && bodies_told_ > 0 && now - last_body_ < kBetweenBodies) return;
   FrameRecord frame;
   std::string session;
   {
     const std::lock_guard lock(shared_mutex_);
+    if (!std::exchange(body_due_, false)) return;
     session = session_;
-    frame = last_;
+    frame = accepted_;
+  }
+  last_body_ = now;
+  if (bodies_told_++ > 0) {
+    const std::string text = "another person's body is accepted; it is the session's from now on";
+    log_line(LogLevel::info, text);
+    say_event("state", "fit", text);
   }
   const fit::BodyModel* model = settings_.models.of(frame.sex);
   if (model && dds_) dds_->publish(body_sample(frame, *model, session));

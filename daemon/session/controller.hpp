@@ -18,6 +18,7 @@
 #include "daemon/dds/dds_link.hpp"
 #include "daemon/health/patient_progress.hpp"
 #include "daemon/io/disk_space.hpp"
+#include "daemon/pipeline/accepted_body.hpp"
 #include "daemon/pipeline/pipeline.hpp"
 #include "daemon/record/session_files.hpp"
 #include "daemon/record/session_log.hpp"
@@ -156,7 +157,8 @@ class Controller final : public FrameSink {
   };
   void write_files(Ended session);
   bool save(Ended session, bool newest);
-  void publish_body();
+  /// The body that was accepted since the last call; where one was told only just now it waits, unless `at_once`.
+  void publish_body(bool at_once);
   void publish_status(bool force);
   void set_alarm(const std::string& text);
   void say_event(const std::string& kind, const std::string& source, const std::string& text);
@@ -181,10 +183,11 @@ class Controller final : public FrameSink {
   // The controller thread's alone.
   SessionMachine machine_;
   SessionStory story_;
-  bool body_published_ = false, log_trouble_told_ = false;
+  bool log_trouble_told_ = false;
+  int bodies_told_ = 0;  ///< in this session
   BoothNews news_;
   CalibrationStatus calibration_said_;
-  hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{}, next_credential_look_{}, next_drift_look_{}, next_disk_look_{};
+  hal::MonotonicTime last_idle_{}, last_status_{}, last_look_{}, next_credential_look_{}, next_drift_look_{}, next_disk_look_{}, last_body_{};
   std::string status_key_;
   std::int64_t session_began_utc_ = 0;
   std::shared_ptr<const Seal> seal_;  ///< of this session; null: it is not sealed
@@ -192,6 +195,9 @@ class Controller final : public FrameSink {
   mutable std::mutex shared_mutex_;  ///< guards what follows
   FrameRecord last_;
   bool last_known_ = false;
+  AcceptedBody bodies_;    ///< of this session
+  FrameRecord accepted_;   ///< the frame in which the last of them was accepted
+  bool body_due_ = false;  ///< it is still to be told
   hal::MonotonicTime first_frame_{}, last_frame_{};
   std::uint64_t frames_ = 0;
   std::string alarm_, session_, credential_problem_, drift_problem_;

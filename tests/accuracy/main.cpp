@@ -82,7 +82,7 @@ int run(const Arguments& arguments) {
   }
   if (arguments.json) std::cout << (all.size() == 1 ? all[0] : nlohmann::ordered_json{{"tables", all}}).dump(1) << "\n";
   if (!interrupted) return std::cout.good() ? 0 : 1;
-  std::cerr << "booth-evaluate: stopped; "
+  std::cerr << "boothctl: evaluate: stopped; "
             << (arguments.out.empty() ? "without --out nothing is kept\n" : "the same command goes on where this one ended (" + arguments.out.string() + ")\n");
   return kInterrupted;
 }
@@ -116,7 +116,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : kUsage;
   } catch (const std::exception& e) {
-    std::cerr << "booth-evaluate: " << e.what() << "\n";
+    std::cerr << "boothctl: evaluate: " << e.what() << "\n";  // as boothctl says what it cannot do
     return 1;
   }
 }

@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -70,6 +72,20 @@ std::vector<std::string> links_of(const std::string& page) {
     if (!target.empty() && target.find("://") == std::string::npos) out.push_back(target);
   }
   return out;
+}
+
+TEST(Habits, EachPresetConfiguresBuildsAndTests) {
+  std::ifstream in(kRoot / "CMakePresets.json");
+  const auto presets = nlohmann::json::parse(in);
+  const auto named = [&](const char* kind) {
+    std::set<std::string> out;
+    for (const auto& preset : presets.at(kind))
+      if (!preset.value("hidden", false)) out.insert(preset.at("name").get<std::string>());
+    return out;
+  };
+  EXPECT_GE(named("configurePresets").size(), 8u);
+  EXPECT_EQ(named("buildPresets"), named("configurePresets"));
+  EXPECT_EQ(named("testPresets"), named("configurePresets"));
 }
 
 TEST(Habits, LinksBetweenPagesLeadSomewhere) {

@@ -53,7 +53,7 @@ double four_side_by_side(int repeats, const DecodeOne& decode_one) {
 }
 
 void decode_on(DeviceDecoder& decoder, const PackedFrame& frame, Output& out) {
-  if (!decoder.decode(frame, out.depth, out.infrared)) throw std::runtime_error(std::string("bench decode: ") + decoder.problem());
+  if (!decoder.decode(frame, out.depth, out.infrared)) throw std::runtime_error(decoder.problem());
 }
 
 }  // namespace
@@ -62,7 +62,7 @@ std::unique_ptr<DeviceDecoder> make_device_bench_decoder(bool emulated, const Ph
   static gpu::Faults none;
   std::string why;
   auto device = emulated ? device::make_emulated_device(none, 132) : device::make_cuda_device(why);
-  if (!device) throw std::runtime_error("bench decode: skipped: " + why);
+  if (!device) throw std::runtime_error("skipped: " + why);
   return make_device_decoder(std::move(device), emulator::typical_camera(), phase, {});
 }
 
@@ -83,7 +83,7 @@ void measure_device_decode(bool emulated, const PhaseOffsets& phase, const std::
   for (int s = -1; s < 3; ++s) {
     double ms = 0;
     if (const auto e = decoder->device().time(decoder->program(), s, repeats, ms); e != gpu::DeviceError::none)
-      throw std::runtime_error(fmt::format("bench decode: {}: {}", to_string(e), decoder->device().problem()));
+      throw std::runtime_error(fmt::format("{}: {}", to_string(e), decoder->device().problem()));
     report.add({s < 0 ? std::string("device: all kernels (device clock)") : fmt::format("device: step by itself: {}", steps[s]), "ms/frame", ms});
   }
   report.add({"device: bytes over the bus, and back", "MB", 1e-6 * static_cast<double>(9 * kImageBytes + 4 * kPixels)});
@@ -101,7 +101,7 @@ void measure_device_decode(bool emulated, const PhaseOffsets& phase, const std::
   const double ours = four_side_by_side(repeats, [&](int c, int r) {
     if (!on_device[at(c)]->decode(frames[number(c, r)], outputs[at(c)].depth, outputs[at(c)].infrared)) lost = true;
   });
-  if (lost) throw std::runtime_error("bench decode: the device was lost");
+  if (lost) throw std::runtime_error("the device was lost");
   report.add({"device: four cameras side by side (host clock)", "ms", ours, reference + ", four threads", theirs});
 
   const auto emulation = make_device_bench_decoder(true, phase);

@@ -58,7 +58,7 @@ Frame make_frame(const daemon::FitModels& models, int body, const std::string& m
   daemon::FrameRecord record;
   frame.fitter->step(input, record);
   const auto before = memory.truth->at(input.reference - hal::from_seconds(0.2));
-  if (!before) throw std::runtime_error("bench fit: the truth of the frame is not known");
+  if (!before) throw std::runtime_error("the truth of the frame is not known");
   const fit::PoseVector q = Eigen::Map<const fit::PoseVector>(before->q.data());
   frame.problem = std::make_unique<Problem>(models, *frame.fitter, q, memory.truth->surface(input.reference), memory.truth->sex() == "women");
   frame.start_error = frame.problem->vertex_error(frame.problem->absolute(Unknowns(static_cast<std::size_t>(frame.problem->dimensions()), 0.0)));

@@ -25,7 +25,7 @@ Problem::Problem(const daemon::FitModels& models, const daemon::EstimatorFitter&
       pack_(*model_, prior_, {}) {
   field_.rebuild(observation_.cloud, pool_);
   evaluator_ = fit::make_cpu_swarm({&model_, 1}, prior_, sizes(16, 1), pool_);
-  if (!evaluator_->set_cloud(observation_.cloud)) throw std::runtime_error("bench fit: the back-end was lost");
+  if (!evaluator_->set_cloud(observation_.cloud)) throw std::runtime_error("the back-end was lost");
   const auto n = static_cast<std::size_t>(dimensions());
   start_.assign(n, 0.0f);
   deviation_.assign(n, 1.0f);
@@ -70,7 +70,7 @@ Unknowns Problem::absolute(std::span<const double> scaled) const {
 double Problem::energy_of(const Unknowns& absolute) {
   for (std::size_t k = 0; k < particle_.size(); ++k) particle_[k] = static_cast<float>(absolute[k]);
   fit::ParticleTerms t{};
-  if (!evaluator_->evaluate(0, particle_, t)) throw std::runtime_error("bench fit: the back-end was lost");
+  if (!evaluator_->evaluate(0, particle_, t)) throw std::runtime_error("the back-end was lost");
   const fit::PaperWeights w;
   return w.point * static_cast<double>(t.point) + w.plane * static_cast<double>(t.plane) + w.shape * static_cast<double>(t.shape) +
          w.bone * static_cast<double>(t.bone) + w.pose * static_cast<double>(t.pose);

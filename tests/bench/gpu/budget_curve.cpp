@@ -45,7 +45,7 @@ std::vector<Clip> make_clips(const Subject& subject, const BudgetCurve& what) {
   std::vector<const daemon::MotionClip*> chosen;
   for (const daemon::MotionClip& c : folder.clips)
     if (c.use == daemon::MotionUse::held_out && c.frames > what.frames) chosen.push_back(&c);
-  if (chosen.empty()) throw std::runtime_error(fmt::format("bench gpu: {} has no held-out clip of more than {} frames", what.motions.string(), what.frames));
+  if (chosen.empty()) throw std::runtime_error(fmt::format("{} has no held-out clip of more than {} frames", what.motions.string(), what.frames));
   std::vector<Clip> out(std::min(chosen.size(), static_cast<std::size_t>(what.clips)));
   fit::WorkerPool pool(std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, 32));
   pool.run(static_cast<int>(out.size()), [&](int i) {
@@ -75,7 +75,7 @@ void draw(const std::filesystem::path& file, const std::vector<Row>& rows) {
   };
   line("95 % of frames", &Row::p95), line("mean", &Row::mean), line("median", &Row::median);
   std::ofstream out(file);
-  if (!(out << tests::to_svg(chart)).flush()) throw std::runtime_error("bench gpu: " + file.string() + " cannot be written");
+  if (!(out << tests::to_svg(chart)).flush()) throw std::runtime_error(file.string() + " cannot be written");
 }
 
 }  // namespace
@@ -97,7 +97,7 @@ void budget_curve(const Subject& subject, const BudgetCurve& what, const std::ve
         for (std::size_t f = 0; f < clip.q.size(); ++f) {
           fit::SwarmResult r;
           if (!swarm->set_cloud(clip.cloud[f]) || !swarm->minimise(0, last, deviation, {static_cast<std::uint64_t>(1 + seed), f + 1}, r))
-            throw std::runtime_error("bench gpu: the device was lost");
+            throw std::runtime_error("the device was lost");
           std::copy(r.best.begin(), r.best.end(), last.begin());
           errors.push_back(joint_error(subject.model, last, clip.q[f], subject.beta));
           of_seed[static_cast<std::size_t>(seed)] += errors.back();

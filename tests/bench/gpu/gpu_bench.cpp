@@ -19,7 +19,7 @@ std::unique_ptr<fit::device::DeviceSwarm> make_swarm(bool emulated, std::span<co
   static fit::device::Faults none;
   std::string why;
   auto device = emulated ? fit::device::make_emulated_device(none, 132) : fit::device::make_cuda_device(why);
-  if (!device) throw std::runtime_error("bench gpu: skipped: " + why);
+  if (!device) throw std::runtime_error("skipped: " + why);
   return fit::device::make_device_swarm(std::move(device), models, prior, sizes);
 }
 
@@ -64,13 +64,13 @@ struct Bench {
 
   Answer answer(fit::SwarmBackend& swarm, std::uint64_t frame) const {
     fit::SwarmResult r;
-    if (!swarm.set_cloud(cloud) || !swarm.minimise(0, centre, deviation, {1, frame}, r)) throw std::runtime_error("bench gpu: the device was lost");
+    if (!swarm.set_cloud(cloud) || !swarm.minimise(0, centre, deviation, {1, frame}, r)) throw std::runtime_error("the device was lost");
     return {{r.best.begin(), r.best.end()}, {r.history.begin(), r.history.end()}, r.cost};
   }
   double device_ms(DeviceSwarm& swarm, int program, int step = -1) const {
     double ms = 0;
     if (const auto e = swarm.device().time(program, step, o.repeats, ms); e != fit::device::DeviceError::none)
-      throw std::runtime_error(fmt::format("bench gpu: {}: {}", to_string(e), swarm.device().problem()));
+      throw std::runtime_error(fmt::format("{}: {}", to_string(e), swarm.device().problem()));
     return ms;
   }
 
@@ -123,7 +123,7 @@ struct Bench {
     report.add({"energy found", "", static_cast<double>(ours.cost), "the CPU's, over its own field", static_cast<double>(theirs.cost)});
     energies(*swarm, *cpu);
     fit::ParticleTerms a{}, b{};
-    if (!swarm->evaluate(0, centre, a) || !cpu->evaluate(0, centre, b)) throw std::runtime_error("bench gpu: the device was lost");
+    if (!swarm->evaluate(0, centre, a) || !cpu->evaluate(0, centre, b)) throw std::runtime_error("the device was lost");
     report.add({"point term of one particle", "mm", static_cast<double>(a.point), "the CPU's, over its own field", static_cast<double>(b.point)});
     report.add({"plane term of one particle", "mm", static_cast<double>(a.plane), "the CPU's, over its own field", static_cast<double>(b.plane)});
     check_bits(*swarm, sizes);

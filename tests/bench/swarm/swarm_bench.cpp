@@ -56,7 +56,7 @@ void run(const Options& given, const Common& common, Report& report) {
                                                                                      good = swarm->minimise(0, centre, deviation, {1, frame++}, result) && good;
                                                                                    },
                                                                                });
-      if (!good) throw std::runtime_error("bench swarm: the back-end was lost");
+      if (!good) throw std::runtime_error("the back-end was lost");
       const std::string name = fmt::format("{} x{}", kernels[k].name, threads);
       const double ns = 1e9 * seconds[1] / evaluations;
       if (k == 0) scalar[threads] = ns;

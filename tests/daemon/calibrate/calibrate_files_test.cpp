@@ -19,6 +19,7 @@
 #include "daemon/calibrate/capture_flow.hpp"
 #include "daemon/calibrate/view_folder.hpp"
 #include "daemon/drivers_factory.calibration.hpp"
+#include "daemon/drivers_factory.hpp"
 #include "daemon/io/atomic_file.hpp"
 #include "daemon/io/file_bytes.hpp"
 #include "daemon/pipeline/estimator_fitter.hpp"
@@ -151,6 +152,44 @@ TEST(CalibrationUsed, OneThatDoesNotSayWhenIsAsOldAsItsFile) {
     EXPECT_EQ(calibrated_utc_ns(copied), 0) << says;
   }
 }
+
+#ifdef BOOTHD_EMULATOR
+TEST(CalibrationUsed, EmulatedSensorsHaveTheStoredOneAsRealOnesDo) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  Config config;
+  config.cameras.driver = "kinect2-emulated";
+  config.cameras.emulated.rate = 1;
+  config.cameras.kinect2.calibration = file.string();
+  using Source = CalibrationUsed::Source;
+  EXPECT_EQ(open_source(config).calibration.source, Source::layout) << "there is none yet";
+
+  CalibrationRecord theirs = record();
+  for (std::size_t i = 0; i < 4; ++i) theirs.cameras[i].serial = "00000000000" + std::to_string(4 - i);  // in another order
+  theirs.late = {0.001, 0, 0, 0};
+  store_calibration(file, theirs);
+  const DepthSource source = open_source(config);
+  EXPECT_EQ(source.calibration.source, Source::file);
+  EXPECT_EQ(source.calibration.file, file.string());
+  EXPECT_EQ(source.calibration.utc, "2026-11-28T09:00:00Z");
+  ASSERT_EQ(source.cameras.size(), 4u);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const hal::CameraDescription& camera = source.cameras[i]->description();
+    EXPECT_EQ(camera.serial, "00000000000" + std::to_string(i + 1));
+    EXPECT_EQ(camera.name, theirs.cameras[3 - i].name);
+    EXPECT_EQ(camera.depth_gain, 0.00123);
+    EXPECT_NEAR(camera.camera_to_world.translation[0], 1.0 / 3, 1e-12);
+  }
+
+  theirs.cameras[2].serial = "018436651247";
+  store_calibration(file, theirs);
+  const DepthSource other = open_source(config);
+  EXPECT_EQ(other.calibration.source, Source::layout) << "it is of other sensors";
+  EXPECT_EQ(other.cameras[0]->description().depth_gain, 0);
+  write_file_atomically(file, "nonsense");
+  EXPECT_THROW(open_source(config), std::runtime_error) << "as with real ones: nobody guesses";
+}
+#endif
 
 TEST(CalibrationStore, TheOneBeforeIsKeptAndARefusedOneTouchesNothing) {
   const Scratch scratch;

@@ -38,5 +38,36 @@ TEST(CalibrateVerb, ARefusalLeavesTheGoodFileAndSaysWhy) {
   EXPECT_EQ(std::string(std::istreambuf_iterator<char>(in), {}), "the good one");
 }
 
+TEST(CalibrateVerb, WhateverItMakesOrChangesIsToldAsJson) {
+  const CalibrateProgram p;
+  const auto json = [&](const std::string& arguments) {
+    const Ran ran = p.run(arguments + " --json");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    const auto out = nlohmann::json::parse(ran.out, nullptr, false);
+    EXPECT_TRUE(out.is_object()) << arguments << ": " << ran.out;
+    return out.is_object() ? out : nlohmann::json::object();
+  };
+  auto said = json("--print board.pdf --paper a3");
+  EXPECT_EQ(said["file"], "board.pdf");
+  EXPECT_EQ(said["paper"], "a3");
+  EXPECT_EQ(said["width_mm"], 420.0);
+  said = json("--simulate views --views 2");
+  EXPECT_EQ(said["folder"], "views");
+  EXPECT_EQ(said["views"], 3) << "and one of the floor";
+
+  std::filesystem::copy_file(BOOTH_SOURCE_DIR "/tests/daemon/state/version-1/calibration.toml", p.path / "c.toml");
+  said = json("--confirm --out c.toml");
+  EXPECT_EQ(said["ok"], true);
+  EXPECT_EQ(said["file"], "c.toml");
+  const Ran nothing = p.run("--restore --out c.toml --json");
+  EXPECT_EQ(nothing.status, 1);
+  EXPECT_EQ(nothing.out, "");
+  std::filesystem::copy_file(p.path / "c.toml", p.path / "c.before-20261101T090000Z.toml");
+  said = json("--restore --out c.toml");
+  EXPECT_EQ(said["ok"], true);
+  EXPECT_EQ(said["file"], "c.toml");
+  EXPECT_EQ(said["restored"], "c.before-20261101T090000Z.toml");
+}
+
 }  // namespace
 }  // namespace booth::tests

@@ -3,10 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstring>
 #include <thread>
 
+#include "daemon/dds/bounded_text.hpp"
 #include "daemon/dds/dds_link.hpp"
 #include "drivers/clock/system_clock.hpp"
 #include "tests/daemon/dds/peer.hpp"
@@ -89,6 +91,22 @@ TEST_F(DdsTest, ASkeletonArrivesWhole) {
   }
   EXPECT_TRUE(heard);
   EXPECT_EQ(link.failures(), 0u) << link.last_failure();
+}
+
+TEST(BoundedText, IsCutBetweenCharacters) {
+  const auto cut = [](const std::string& text) {
+    char to[6];
+    std::fill(std::begin(to), std::end(to), 'x');
+    set_text(to, text);
+    EXPECT_EQ(to[5], '\0');
+    return std::string(to);
+  };
+  EXPECT_EQ(cut("lobby"), "lobby");
+  EXPECT_EQ(cut("lobby2"), "lobby");
+  EXPECT_EQ(cut("abcd\xc3\xa9"), "abcd") << "half of an e with an accent is refused together with its sample";
+  EXPECT_EQ(cut("abc\xc3\xa9z"), "abc\xc3\xa9");
+  EXPECT_EQ(cut("ab\xf0\x9f\x9a\xaaz"), "ab");
+  EXPECT_EQ(cut("\x80\x80\x80\x80\x80\x80"), "\x80\x80\x80\x80\x80") << "what is no UTF-8 is cut anywhere";
 }
 
 TEST_F(DdsTest, IdleSamplesHoldNobody) {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <vector>
 
 #include "daemon/io/model_file.hpp"
 #include "drivers/clock/manual_clock.hpp"
@@ -37,11 +38,25 @@ const daemon::FitModels& drift_models() {
   return models;
 }
 
-void play(const DriftScene& scene, const std::function<bool(const DriftFrame&)>& each) {
-  const daemon::TestBody body = daemon::load_test_body(daemon::find_models("") / "test_bodies.npz", scene.body);
+namespace {
+
+drivers::Person person_of(int number, const std::string& motion_name) {
+  const daemon::TestBody body = daemon::load_test_body(daemon::find_models("") / "test_bodies.npz", number);
   const auto& model = body.sex == fit::Sex::men ? drift_models().men : drift_models().women;
-  auto motion = drivers::motion_by_name(scene.motion, 0, drivers::contact_of(*model, body.rest, body.rest_joints));
-  auto person = drivers::make_person("test:" + std::to_string(scene.body), model, body.rest, body.rest_joints, std::move(motion));
+  auto motion = drivers::motion_by_name(motion_name, 0, drivers::contact_of(*model, body.rest, body.rest_joints));
+  return drivers::make_person("test:" + std::to_string(number), model, body.rest, body.rest_joints, std::move(motion));
+}
+
+}  // namespace
+
+void play(const DriftScene& scene, const std::function<bool(const DriftFrame&)>& each) {
+  std::vector<drivers::Person> persons;
+  persons.push_back(person_of(scene.body, scene.motion));
+  if (scene.next >= 0) {
+    persons.push_back(person_of(scene.next, scene.motion));
+    persons[0].leaves = scene.gone_at;
+    persons[1].enters = scene.gone_at + 0.5;
+  }
 
   drivers::SceneSettings settings;
   settings.cameras = drivers::camera_ring(scene.cameras);
@@ -51,7 +66,7 @@ void play(const DriftScene& scene, const std::function<bool(const DriftFrame&)>&
   const auto count = settings.cameras.size();
   std::vector<hal::CameraDescription> told = scene.told.empty() ? settings.cameras : scene.told;
   if (scene.knocked >= 0) settings.cameras.push_back(moved(settings.cameras.at(static_cast<std::size_t>(scene.knocked)), scene.knock));
-  drivers::Source source = drivers::make_scene(settings, {std::move(person)}, std::make_shared<drivers::ManualClock>());
+  drivers::Source source = drivers::make_scene(settings, std::move(persons), std::make_shared<drivers::ManualClock>());
 
   fit::CloudSettings cloud;
   cloud.threads = 1;

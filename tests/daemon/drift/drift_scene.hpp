@@ -15,6 +15,8 @@ struct DriftScene {
   int body = 1;  ///< test:N
   std::string motion = "walk";
   double seconds = 30;
+  int next = -1;       ///< test:N who comes when the first one has gone; negative: nobody
+  double gone_at = 0;  ///< seconds; the next one is there half a second later
   std::uint64_t seed = 1;
   drivers::NoiseModel noise{};  ///< Kinect v2
   int cameras = 4;

@@ -53,5 +53,23 @@ TEST(DriftOfRenderedCameras, CamerasThatStandAreNot) {
   for (const auto& camera : seen.last) EXPECT_EQ(camera.verdict, Verdict::stands);
 }
 
+TEST(DriftOfRenderedCameras, TheNextPersonsShapeIsNotTheFirstOnes) {
+  DriftScene scene{.body = 31, .motion = "wave", .seconds = 8, .next = 71, .gone_at = 1.5};
+  int edges = 0, given_up = 0;
+  bool accepted = false, given_up_before = false;
+  play(scene, [&](const DriftFrame& f) {
+    if (f.record->person != daemon::PersonState::lost) {
+      edges += f.record->body_accepted != 0 && !accepted;
+      accepted = f.record->body_accepted != 0;
+    }
+    given_up = f.fitter->given_up();
+    if (f.time < scene.gone_at) given_up_before |= given_up > 0;
+    return edges < 2;
+  });
+  EXPECT_EQ(edges, 2) << "both were met";
+  EXPECT_FALSE(given_up_before) << "nobody had gone yet";
+  EXPECT_EQ(given_up, 1) << "the watch was told, before it heard of the second body";
+}
+
 }  // namespace
 }  // namespace booth::tests

@@ -68,7 +68,7 @@ Playback play(std::vector<Arrival> arrivals, SynchroniserSettings settings, Nano
     for (; now < at(a.captured + delay); now += polling) poll(now);
     outstanding.insert({a.camera, slot});
     ReleasedSlots released;
-    synchroniser.add({a.camera, at(a.captured), slot++}, released);
+    synchroniser.add({a.camera, at(a.captured), slot++}, at(a.captured + delay), released);
     take(released);
     poll(at(a.captured + delay));
   }
@@ -174,7 +174,7 @@ TEST(Synchroniser, LateDeliveryDoesNotSplitGroups) {
     ReleasedSlots released;
     for (int cam = 0; cam < 4; ++cam) {
       const int taken = ms - (cam == 3 ? 55 : 10) - 2 * cam;
-      if (taken >= 0 && taken % 33 == 0) synchroniser.add({cam, at((taken + 2 * cam) * 1ms), taken}, released);
+      if (taken >= 0 && taken % 33 == 0) synchroniser.add({cam, at((taken + 2 * cam) * 1ms), taken}, at(ms * 1ms), released);
     }
     FrameGroup group;
     if (ReleasedSlots unused; synchroniser.next(at(ms * 1ms), group, unused)) groups.push_back(group);
@@ -187,7 +187,7 @@ TEST(Synchroniser, TheNewestGroupWinsWhenAskedLate) {
   Synchroniser synchroniser({.cameras = 2});
   ReleasedSlots released;
   for (int k = 0; k < 3; ++k) {
-    for (int cam = 0; cam < 2; ++cam) synchroniser.add({cam, at(k * kPeriod + cam * 5ms), 10 * cam + k}, released);
+    for (int cam = 0; cam < 2; ++cam) synchroniser.add({cam, at(k * kPeriod + cam * 5ms), 10 * cam + k}, at(3 * kPeriod), released);
   }
   EXPECT_EQ(released.count, 0);
   FrameGroup group;
@@ -202,9 +202,9 @@ TEST(Synchroniser, TheNewestGroupWinsWhenAskedLate) {
 TEST(Synchroniser, TheReferenceIsInTheMiddle) {
   Synchroniser synchroniser({.cameras = 3});
   ReleasedSlots released;
-  synchroniser.add({0, at(0ms), 0}, released);
-  synchroniser.add({1, at(30ms), 0}, released);
-  synchroniser.add({2, at(12ms), 0}, released);
+  synchroniser.add({0, at(0ms), 0}, at(0ms), released);
+  synchroniser.add({1, at(30ms), 0}, at(30ms), released);
+  synchroniser.add({2, at(12ms), 0}, at(12ms), released);
   FrameGroup group;
   ASSERT_TRUE(synchroniser.next(at(31ms), group, released));
   EXPECT_EQ(group.reference, at(15ms));
@@ -214,8 +214,8 @@ TEST(Synchroniser, TheReferenceIsInTheMiddle) {
 TEST(Synchroniser, ThirtyMillisecondsIsTheLimit) {
   Synchroniser synchroniser({.cameras = 2});
   ReleasedSlots released;
-  synchroniser.add({0, at(0ms), 0}, released);
-  synchroniser.add({1, at(30ms) + 1ns, 0}, released);
+  synchroniser.add({0, at(0ms), 0}, at(0ms), released);
+  synchroniser.add({1, at(30ms) + 1ns, 0}, at(31ms), released);
   FrameGroup group;
   EXPECT_FALSE(synchroniser.next(at(31ms), group, released)) << "neither frame alone is a whole group, and both may still find a partner";
   EXPECT_FALSE(synchroniser.next(at(74ms), group, released));
@@ -226,13 +226,82 @@ TEST(Synchroniser, ThirtyMillisecondsIsTheLimit) {
 TEST(Synchroniser, AFrameOutOfOrderIsGivenBack) {
   Synchroniser synchroniser({.cameras = 1});
   ReleasedSlots released;
-  synchroniser.add({0, at(10ms), 1}, released);
-  synchroniser.add({0, at(10ms), 2}, released);
-  synchroniser.add({0, at(5ms), 3}, released);
+  synchroniser.add({0, at(10ms), 1}, at(10ms), released);
+  synchroniser.add({0, at(10ms), 2}, at(10ms), released);
+  synchroniser.add({0, at(5ms), 3}, at(5ms), released);
   ASSERT_EQ(released.count, 2);
   EXPECT_EQ(released.entry[0].slot, 2);
   EXPECT_EQ(released.entry[1].slot, 3);
   EXPECT_EQ(synchroniser.frames_dropped(), 2u);
+}
+
+/// Four cameras at 30 frames/s, one of which may say a wrong time; counts the groups, and those that hold all four.
+struct FourCameras {
+  Synchroniser synchroniser{SynchroniserSettings{.cameras = 4}};
+  int slot = 0, whole = 0, groups = 0;
+  /// One period whose frames come 10 ms after they were taken. Camera 2's stamp is wrong by `wrong`.
+  void period(int k, Nanoseconds wrong = 0ns) {
+    for (int cam = 0; cam < 4; ++cam) {
+      const MonotonicTime taken = at(k * kPeriod + cam * 2ms);
+      ReleasedSlots released;
+      synchroniser.add({cam, taken + (cam == 2 ? wrong : 0ns), slot++}, taken + 10ms, released);
+      FrameGroup group;
+      for (bool more = true; more;) {
+        ReleasedSlots unused;
+        more = synchroniser.next(taken + 10ms, group, unused);
+        groups += more;
+        whole += more && group.cameras == 4;
+      }
+    }
+  }
+};
+
+TEST(Synchroniser, AStampFromTheFutureBlocksNobody) {
+  for (const Nanoseconds wrong : {Nanoseconds(300ms), Nanoseconds(1h), Nanoseconds(std::int64_t{200} * 365 * 24 * 3600 * 1'000'000'000)}) {
+    FourCameras booth;
+    for (int k = 0; k < 10; ++k) booth.period(k);
+    const int before = booth.whole;
+    EXPECT_GE(before, 9);
+    booth.period(10, wrong);
+    EXPECT_EQ(booth.synchroniser.frames_dropped(), 1u) << "counted as every frame that is in no group";
+    for (int k = 11; k < 41; ++k) booth.period(k);
+    EXPECT_GE(booth.whole - before, 29) << "the camera itself is back with its next frame";
+  }
+}
+
+TEST(Synchroniser, ACameraWhoseStampsAreAllFromTheFutureIsAnAbsentOne) {
+  FourCameras booth;
+  for (int k = 0; k < 40; ++k) booth.period(k, 1h);
+  EXPECT_GE(booth.synchroniser.frames_dropped(), 40u);
+  EXPECT_GE(booth.groups, 30) << "the other three go on";
+  for (int k = 40; k < 60; ++k) booth.period(k);
+  EXPECT_GE(booth.whole, 19);
+}
+
+TEST(Synchroniser, ASingleCameraIsMeasuredByTheClock) {
+  Synchroniser synchroniser({.cameras = 1});
+  ReleasedSlots released;
+  FrameGroup group;
+  synchroniser.add({0, at(1h), 0}, at(10ms), released);
+  EXPECT_EQ(released.count, 1);
+  synchroniser.add({0, at(33ms), 1}, at(43ms), released);
+  EXPECT_TRUE(synchroniser.next(at(43ms), group, released));
+}
+
+TEST(Synchroniser, SourcesWithATimeOfTheirOwnAreTakenByTheirNeighbours) {
+  // A recording that is played as fast as it can be read: hours in minutes, and after a while ahead of the clock.
+  Synchroniser synchroniser({.cameras = 2});
+  int groups = 0;
+  for (int k = 0; k < 100; ++k) {
+    for (int cam = 0; cam < 2; ++cam) {
+      ReleasedSlots released;
+      synchroniser.add({cam, at(k * kPeriod + cam * 3ms), k}, at(0ms), released);
+      EXPECT_EQ(released.count, 0);
+      FrameGroup group;
+      groups += synchroniser.next(at(0ms), group, released);
+    }
+  }
+  EXPECT_EQ(groups, 100);
 }
 
 TEST(Synchroniser, LateCamerasDoNotTakeTheFitBackInTime) {
@@ -240,21 +309,21 @@ TEST(Synchroniser, LateCamerasDoNotTakeTheFitBackInTime) {
   Synchroniser synchroniser({.cameras = 4});
   ReleasedSlots released;
   FrameGroup group;
-  synchroniser.add({0, at(4ms), 1}, released);
-  synchroniser.add({1, at(6ms), 1}, released);
+  synchroniser.add({0, at(4ms), 1}, at(4ms), released);
+  synchroniser.add({1, at(6ms), 1}, at(6ms), released);
   ASSERT_TRUE(synchroniser.next(at(90ms), group, released));
   EXPECT_EQ(group.reference, at(5ms));
-  synchroniser.add({2, at(1ms), 7}, released);
-  synchroniser.add({3, at(2ms), 8}, released);
+  synchroniser.add({2, at(1ms), 7}, at(1ms), released);
+  synchroniser.add({3, at(2ms), 8}, at(2ms), released);
   EXPECT_EQ(released.count, 2);
   EXPECT_FALSE(synchroniser.next(at(200ms), group, released));
   EXPECT_EQ(synchroniser.frames_dropped(), 2u);
   // They are waited for again.
-  synchroniser.add({0, at(37ms), 2}, released);
-  synchroniser.add({1, at(39ms), 2}, released);
+  synchroniser.add({0, at(37ms), 2}, at(37ms), released);
+  synchroniser.add({1, at(39ms), 2}, at(39ms), released);
   EXPECT_FALSE(synchroniser.next(at(60ms), group, released));
-  synchroniser.add({2, at(34ms), 9}, released);
-  synchroniser.add({3, at(35ms), 10}, released);
+  synchroniser.add({2, at(34ms), 9}, at(34ms), released);
+  synchroniser.add({3, at(35ms), 10}, at(35ms), released);
   ASSERT_TRUE(synchroniser.next(at(60ms), group, released));
   EXPECT_EQ(group.cameras, 4);
 }

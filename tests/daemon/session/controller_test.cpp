@@ -6,11 +6,13 @@
 #include <sys/resource.h>
 
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "daemon/ctl/control_protocol.hpp"
 #include "daemon/session/controller.hpp"
 #include "daemon/session/dds_samples.hpp"
 #include "drivers/clock/system_clock.hpp"
+#include "tests/daemon/dds/peer.hpp"
 #include "tests/daemon/support/fake_booth.hpp"
 #include "tests/daemon/support/temporary_folder.hpp"
 #include "tests/support/capsule_body.hpp"
@@ -36,7 +38,7 @@ struct SessionTest : ::testing::Test {
     settings.calibration_residual = calibration_residual;
     controller = std::make_unique<Controller>(settings, clock);
     pipeline = std::make_unique<Pipeline>(Pipeline::Settings{.minimum_cameras = 2, .synchroniser = {}}, cameras, clock, fitter, *controller);
-    controller->run(*pipeline, fitter, nullptr);
+    controller->run(*pipeline, fitter, dds.get());
   }
   void TearDown() override {
     if (controller) controller->shutdown("test");
@@ -53,6 +55,7 @@ struct SessionTest : ::testing::Test {
   tests::TemporaryFolder folder;
   hal::DepthCameras cameras;
   tests::FakeFitter fitter;
+  std::unique_ptr<DdsLink> dds;  ///< null: the booth is not on DDS
   std::unique_ptr<Controller> controller;
   std::unique_ptr<Pipeline> pipeline;
 };
@@ -148,6 +151,97 @@ TEST_F(SessionTest, LosesFindsAndGivesUp) {
   ASSERT_TRUE(reaches(SessionState::idle)) << "after search_seconds";
   EXPECT_EQ(session_json()["reason"], "search_over");
   EXPECT_EQ(session_json()["state_at_end"], "searching");
+}
+
+/// What booth/body says of the last body that was accepted.
+struct BodyEar {
+  explicit BodyEar(const char* booth) : peer(booth), reader(peer.reader(booth_msg_Body_desc, "booth/body", true, true)) {}
+  /// beta[0] of the next body; nothing when none comes.
+  std::optional<double> next(std::chrono::milliseconds limit = 20s) {
+    std::optional<double> out;
+    tests::take<booth_msg_Body>(
+        reader,
+        [&](const booth_msg_Body& b) {
+          EXPECT_GT(b.utc_ns, last_utc_ns) << "which of them is the newer one";
+          out = b.beta._length > 0 ? b.beta._buffer[0] : 0;
+          session = b.session;
+          last_utc_ns = b.utc_ns;
+        },
+        limit);
+    return out;
+  }
+  tests::Peer peer;
+  dds_entity_t reader;
+  std::string session;
+  std::int64_t last_utc_ns = 0;
+};
+
+TEST_F(SessionTest, EachPersonsBodyIsToldOnceInASession) {
+  dds = std::make_unique<DdsLink>(tests::loopback("body-booth"), clock, [](DdsCommand) { return DdsAnswer{}; });
+  build(folder.path);
+  BodyEar ear("body-booth");
+  fitter.shape = 1;
+  controller->request(SessionEvent::start, "test");
+  EXPECT_EQ(ear.next(), 1.0);
+  const std::string session = ear.session;
+  const auto known_again_as = [&](double shape) {
+    const int steps = fitter.steps;
+    fitter.known = false;
+    ASSERT_TRUE(eventually([&] { return fitter.steps >= steps + 3; }));
+    fitter.shape = shape;
+    fitter.known = true;
+  };
+  // The same person, found again: nobody has anything to learn of it.
+  known_again_as(1.05);
+  EXPECT_EQ(ear.next(1500ms), std::nullopt);
+  // Out of sight is not unknown.
+  fitter.there = false;
+  ASSERT_TRUE(reaches(SessionState::searching));
+  fitter.there = true;
+  EXPECT_EQ(ear.next(1500ms), std::nullopt);
+  // Somebody else.
+  known_again_as(-2);
+  EXPECT_EQ(ear.next(), -2.0);
+  EXPECT_EQ(ear.session, session) << "of the same session";
+  // A fit that cannot decide: the last word counts, and it comes, but not each of them.
+  for (int k = 1; k <= 5; ++k) known_again_as(k);
+  std::vector<double> told;
+  for (auto body = ear.next(); body; body = told.back() == 5 ? std::nullopt : ear.next()) told.push_back(*body);
+  ASSERT_FALSE(told.empty());
+  EXPECT_EQ(told.back(), 5.0);
+  EXPECT_LE(told.size(), 4u);
+  controller->request(SessionEvent::stop, "test");
+  ASSERT_TRUE(reaches(SessionState::idle));
+  const json j = session_json();
+  EXPECT_EQ(j["beta"][0], 5.0) << "the last body is the session's";
+  EXPECT_EQ(std::count_if(j["events"].begin(), j["events"].end(),
+                          [](const json& e) { return e["text"].get<std::string>().starts_with("another person's body is accepted"); }),
+            static_cast<std::ptrdiff_t>(1 + told.size()));
+}
+
+TEST_F(SessionTest, ABodyAcceptedJustBeforeTheEndIsTold) {
+  dds = std::make_unique<DdsLink>(tests::loopback("late-body-booth"), clock, [](DdsCommand) { return DdsAnswer{}; });
+  build(folder.path);
+  BodyEar ear("late-body-booth");
+  fitter.shape = 1;
+  controller->request(SessionEvent::start, "test");
+  EXPECT_EQ(ear.next(), 1.0);
+  for (const double shape : {2.0, 3.0}) {
+    const int steps = fitter.steps;
+    fitter.known = false;
+    ASSERT_TRUE(eventually([&] { return fitter.steps >= steps + 3; }));
+    fitter.shape = shape;
+    fitter.known = true;
+    ASSERT_TRUE(eventually([&] { return fitter.steps >= steps + 6; }));
+  }
+  controller->request(SessionEvent::stop, "test");
+  ASSERT_TRUE(reaches(SessionState::idle));
+  double last = 0;
+  while (last != 3) {
+    const auto body = ear.next(3s);
+    ASSERT_TRUE(body) << "told last was " << last;
+    last = *body;
+  }
 }
 
 TEST_F(SessionTest, EmergencySavesAndLatches) {

@@ -265,6 +265,24 @@ TEST(SessionFiles, WhoeverComesByAtTheEndIsNotWhomTheSessionWasAbout) {
   EXPECT_EQ(said["body_accepted"], false);
 }
 
+TEST(SessionFiles, OfTwoPeopleTheLastAcceptedOneIsTheSessions) {
+  TemporaryFolder folder;
+  const SessionInfo info = info_at(kUtc);
+  const auto session = create_session_folder(folder.path / "sessions", info);
+  auto recorded = frames(40);
+  for (auto& f : recorded) f.beta[0] = 1;
+  // Found again at 10, and known again at 12; from 20 on it is somebody else, known at 25.
+  for (std::size_t k = 10; k < 12; ++k) recorded[k].body_accepted = false;
+  for (std::size_t k = 12; k < 20; ++k) recorded[k].beta[0] = 1.02;
+  finish_session(session, info, {recorded.begin(), recorded.begin() + 20}, models(), nullptr);
+  EXPECT_EQ(json::parse(read_text(session / "session.json"))["body_accepted_at_frame"], 2) << "still the same body";
+  for (std::size_t k = 20; k < 40; ++k) recorded[k].beta[0] = -3, recorded[k].body_accepted = k >= 25;
+  finish_session(session, info, recorded, models(), nullptr);
+  const json said = json::parse(read_text(session / "session.json"));
+  EXPECT_EQ(said["beta"][0], -3.0);
+  EXPECT_EQ(said["body_accepted_at_frame"], 25);
+}
+
 TEST(SessionFiles, WhatWasInterruptedIsClosedAsSuch) {
   TemporaryFolder folder;
   const auto session = create_session_folder(folder.path, info_at(kUtc));

@@ -80,7 +80,9 @@ class FakeFitter final : public daemon::FrameFitter {
     if (busy.count() > 0) std::this_thread::sleep_for(busy);
     for (; held; std::this_thread::sleep_for(std::chrono::milliseconds(1))) holding = true;
     out.person = there ? (input.frame == 0 ? daemon::PersonState::estimated : daemon::PersonState::tracked) : daemon::PersonState::lost;
-    out.body_accepted = there && input.frame >= accept_at;
+    out.body_accepted = there && known && input.frame >= accept_at;
+    out.shape_count = 1;
+    out.beta[0] = shape;
     out.q[0] = static_cast<double>(input.frame);
     out.residual = 0.01f;
     out.coverage = coverage;
@@ -101,6 +103,8 @@ class FakeFitter final : public daemon::FrameFitter {
   std::atomic<bool> held{false};     ///< step() does not return before this is false again ...
   std::atomic<bool> holding{false};  ///< ... and says here that it waits
   std::atomic<bool> there{true};
+  std::atomic<bool> known{true};       ///< the body is accepted, from `accept_at` on
+  std::atomic<double> shape{0};        ///< the only coefficient
   std::atomic<float> coverage{0.85f};  ///< what four cameras show of a body
   std::uint64_t accept_at = 3;
   std::atomic<int> resets{0}, steps{0};
