@@ -41,7 +41,7 @@ class VoxelComponents {
     std::int32_t volume;  // voxels, the hollow between the lowest and the highest of each column included
     int low[3], high[3];  // corners, in voxels
     double sum_x, sum_z;  // of the voxels' coordinates
-    std::int32_t near;     // voxels near the bones that are followed
+    std::int32_t near;    // voxels near the bones that are followed
     bool person_sized;
   };
   struct Offset {

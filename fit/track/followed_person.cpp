@@ -15,7 +15,7 @@ constexpr double kTwoPeople = 0.25;    // share of the cloud that a start leaves
 constexpr double kHalfGain = 0.5;      // of what the whole left is what a half may leave, to be a person;
 constexpr double kHalfCoverage = 0.5;  // and so much of the body's surface must be seen
 constexpr int kHalvingPoints = 2000, kHalvingRounds = 10;
-constexpr float kApart = 0.25f, kUpright = 0.9f;            // m, of the halves from each other, and of either's top above the floor
+constexpr float kApart = 0.25f, kUpright = 0.9f;              // m, of the halves from each other, and of either's top above the floor
 constexpr float kColumnRadius = 0.45f, kColumnHeight = 2.2f;  // m, of what is taken for a half
 
 // m; an adult's flesh, clothed, and what a motion's change of speed makes of it in a frame or two.
@@ -25,7 +25,8 @@ float radius(int bone) {
   static const std::array<float, kBones> radii = [] {
     std::array<float, kBones> r;
     r.fill(kLimb);
-    for (const char* name : {"root", "lhip", "rhip", "spine_pivot", "chest_top", "lshoulder", "rshoulder"}) r[static_cast<std::size_t>(joint_index(name))] = kTrunk;
+    for (const char* name : {"root", "lhip", "rhip", "spine_pivot", "chest_top", "lshoulder", "rshoulder"})
+      r[static_cast<std::size_t>(joint_index(name))] = kTrunk;
     for (const char* name : {"lknee", "rknee"}) r[static_cast<std::size_t>(joint_index(name))] = kThigh;
     for (const char* name : {"neck_pivot", "head_base", "head_top"}) r[static_cast<std::size_t>(joint_index(name))] = kHead;
     return r;
@@ -100,8 +101,7 @@ bool FollowedPerson::remember(const FitResult& result, const Observation& observ
   last_found_ = found && told;
   if (!last_found_) return told;
   velocity_.setZero();
-  if (const double step = observation.time - seen_; followed && step > 0)
-    velocity_ = ((result.joints - joints_) / step).cwiseMax(-kSpeed).cwiseMin(kSpeed);
+  if (const double step = observation.time - seen_; followed && step > 0) velocity_ = ((result.joints - joints_) / step).cwiseMax(-kSpeed).cwiseMin(kSpeed);
   joints_ = result.joints;
   crowded_ = observation.crowded;
   seen_ = observation.time;
@@ -118,8 +118,7 @@ Followed FollowedPerson::at(double time) {
   const double age = time - seen_;
   if (stage_ == Stage::whole || !known_ || age < 0 || age > kKept) return {};
   const Points3 joints = joints_ + std::min(age, kFresh) * velocity_;
-  for (int b = 0; b < kBones; ++b)
-    bones_[static_cast<std::size_t>(b)] = {joints.col(start_joint(b)).cast<float>(), joints.col(b).cast<float>(), radius(b)};
+  for (int b = 0; b < kBones; ++b) bones_[static_cast<std::size_t>(b)] = {joints.col(start_joint(b)).cast<float>(), joints.col(b).cast<float>(), radius(b)};
   return {.bones = bones_, .now = last_found_ && age < kFresh, .crowded = crowded_};
 }
 

@@ -17,7 +17,7 @@ class FollowedPerson {
 
   /// For CloudBuilder::build() of the observation at `time`; holds until the next call.
   Followed at(double time);
-  /// The Estimator has to be reset before its step with that observation: it is the first with another half, or with the whole again.
+  /// The Estimator has to start over before its step with that observation: it is the first with another half, or with the whole again.
   bool start_over() const { return stage_ != Stage::follows && stage_ != Stage::settled; }
   /// After each step of the Estimator. False: the result is one of two people at once, or of nobody, and is not to be told.
   bool remember(const FitResult& result, const Observation& observation);
@@ -27,10 +27,10 @@ class FollowedPerson {
  private:
   enum class Stage : std::uint8_t {
     follows,
-    first_half,   // the next frame is tried with it
+    first_half,  // the next frame is tried with it
     second_half,
-    whole,        // with all, since neither half is a person: somebody in a chair, say
-    settled,      // and that is what there is
+    whole,    // with all, since neither half is a person: somebody in a chair, say
+    settled,  // and that is what there is
   };
   bool halve(const Observation& observation);
   bool doubtful(const FitResult& result, const Observation& observation) const;

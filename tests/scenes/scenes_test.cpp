@@ -93,7 +93,7 @@ Outcome run(drivers::SceneSettings settings, std::vector<drivers::Person> person
     observation.frame = static_cast<std::uint64_t>(f);
     observation.time = reference;
     builder.build(inputs, observation, out.report, followed.at(reference));
-    if (followed.start_over()) estimator.reset();
+    if (followed.start_over()) estimator.start_over();
     out.last = estimator.step(observation);
     if (!followed.remember(out.last, observation)) out.last.state = FitState::lost;
     const bool lost = out.last.state == FitState::lost;
