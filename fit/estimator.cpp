@@ -252,6 +252,23 @@ struct Estimator::Impl {
     if (swarm && !swarm->set_cloud(observation.cloud)) following = false;
   }
 
+  void lose() {
+    following = false;
+    if (person->booth)
+      person->booth->lose();
+    else
+      person->paper->reset();
+  }
+
+  void start_over() {
+    if (!person || !person->booth || !person->booth->shape_settled()) {
+      reset();
+    } else {
+      lose();
+      rival = nullptr;
+    }
+  }
+
   void step(const Observation& observation) {
     give_cloud(observation);
     if (following) {
@@ -266,11 +283,7 @@ struct Estimator::Impl {
         fill(*person, observation, s, FitState::lost, false);
         return;
       }
-      following = false;
-      if (person->booth)
-        person->booth->lose();
-      else
-        person->paper->reset();
+      lose();
     }
     start(observation, nullptr, false);
   }
@@ -282,6 +295,8 @@ Estimator::Estimator(std::shared_ptr<const BodyModel> men, std::shared_ptr<const
 Estimator::~Estimator() = default;
 
 void Estimator::reset() { impl_->reset(); }
+
+void Estimator::start_over() { impl_->start_over(); }
 
 const FitResult& Estimator::step(const Observation& observation) {
   impl_->step(observation);

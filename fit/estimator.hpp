@@ -106,6 +106,9 @@ class Estimator {
   /// Forgets the person: the next step() starts from nothing.
   void reset();
 
+  /// The next step() estimates, whoever was followed; a body that has settled stays known, one that has not is forgotten.
+  void start_over();
+
   /// The next frame: estimates when there is no person yet or it was lost (re-acquisition keeps the body that was known), tracks otherwise.
   const FitResult& step(const Observation& observation);
 

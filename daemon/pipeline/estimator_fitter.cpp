@@ -73,7 +73,8 @@ EstimatorFitter::EstimatorFitter(const std::vector<hal::CameraDescription>& came
     : cameras_(fit_cameras(cameras)),
       builder_(cloud, cameras_),
       observation_(builder_.make_observation(estimator.cloud_capacity)),
-      estimator_(models.men, models.women, std::move(models.prior), estimator) {
+      estimator_(models.men, models.women, std::move(models.prior), estimator),
+      followed_(cloud) {
   // A model that the estimator does not use serves nobody.
   if (estimator.sex == fit::SexChoice::men) models.women = nullptr;
   if (estimator.sex == fit::SexChoice::women) models.men = nullptr;
@@ -94,6 +95,7 @@ EstimatorFitter::EstimatorFitter(const std::vector<hal::CameraDescription>& came
 
 void EstimatorFitter::reset() {
   estimator_.reset();
+  followed_.forget();
   if (drift_) drift_->new_person();
   body_accepted_ = false;
   given_up_ = 0;
@@ -109,7 +111,8 @@ void EstimatorFitter::watch_drift() {
     }
     body_accepted_ = result_->body_accepted;
   }
-  if (!drift_ || !drift_->observe(observation_, *result_)) return;
+  // Other people's points would look like a camera that moved.
+  if (!drift_ || observation_.crowded || !drift_->observe(observation_, *result_)) return;
   const std::lock_guard lock(drift_mutex_);
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     using Verdict = fit::calibrate::CameraVerdict;
@@ -149,14 +152,20 @@ void EstimatorFitter::step(const FitInput& input, FrameRecord& out) {
   }
   observation_.frame = input.frame;
   observation_.time = hal::seconds(input.reference.time_since_epoch());
-  const bool somebody = builder_.build({inputs.data(), count}, observation_, report_);
+  const bool somebody = builder_.build({inputs.data(), count}, observation_, report_, followed_.at(observation_.time));
   const std::int64_t built = steady_ns();
+  if (followed_.start_over()) estimator_.start_over();
   // Nobody there is an observation too: the estimator has to know that its person is gone.
   const fit::FitResult& result = estimator_.step(observation_);
   result_ = &result;
-  watch_drift();
+  const bool told = followed_.remember(result, observation_);
+  if (told) watch_drift();
   copy_result(result, out);
-  remark_ = !somebody ? fit::describe(report_.outcome) : result.state == fit::FitState::lost ? "the body model does not explain what stands on the stage" : "";
+  if (!told) out.person = PersonState::lost;
+  remark_ = !somebody                             ? fit::describe(report_.outcome)
+            : !told                               ? "two people may be touching; each is tried alone"
+            : result.state == fit::FitState::lost ? "the body model does not explain what stands on the stage"
+                                                  : "";
   out.points = static_cast<std::uint32_t>(observation_.cloud.size);
   out.others = static_cast<std::uint8_t>(std::clamp(report_.persons - 1, 0, 255));
   out.stage_ns[static_cast<std::size_t>(Stage::cloud)] = built - begin;

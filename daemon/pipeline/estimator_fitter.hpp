@@ -11,6 +11,7 @@
 #include "fit/calibrate/drift_watch.hpp"
 #include "fit/cloud/cloud_builder.hpp"
 #include "fit/estimator.hpp"
+#include "fit/track/followed_person.hpp"
 
 namespace booth::daemon {
 
@@ -51,6 +52,7 @@ class EstimatorFitter final : public FrameFitter {
   fit::CloudBuilder builder_;
   fit::Observation observation_;
   fit::Estimator estimator_;
+  fit::FollowedPerson followed_;
   fit::CloudReport report_;
   std::optional<fit::calibrate::DriftWatch> drift_;  ///< none with a single camera
   mutable std::mutex drift_mutex_;                   ///< guards what follows

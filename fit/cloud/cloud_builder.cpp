@@ -468,10 +468,11 @@ std::size_t CloudBuilder::memory_bytes() const {
   return bytes;
 }
 
-bool CloudBuilder::build(std::span<const DepthInput> inputs, Observation& out, CloudReport& report) {
+bool CloudBuilder::build(std::span<const DepthInput> inputs, Observation& out, CloudReport& report, const Followed& followed) {
   Impl& m = *impl_;
   report = {};
   out.cloud.clear();
+  out.crowded = false;
   if (!m.assign(inputs, out, report)) return false;
 
   m.each_band([&](Band& band, CameraWork& w) { m.sample_floor(band, w); });
@@ -490,7 +491,8 @@ bool CloudBuilder::build(std::span<const DepthInput> inputs, Observation& out, C
       ++standing;
     }
   }
-  const bool somebody = m.components.judge(report);
+  const bool somebody = m.components.judge(report, followed);
+  out.crowded = report.crowded;
   m.each_band([&](Band& band, CameraWork& w) { m.decide(band, w); });
   m.sum(report);
 

@@ -33,6 +33,18 @@ struct DepthInput {
   double time_offset = 0;                ///< seconds from the group's reference instant to this exposure
 };
 
+/// Whom the tracker follows, as it last saw them: which of several people the person is, and where they end when others touch them.
+struct Followed {
+  struct Bone {
+    Eigen::Vector3f from, to;  ///< CMU frame, metres
+    float radius;              ///< m; of the flesh around it, clothes and what it moves between two frames included
+  };
+  std::span<const Bone> bones;  ///< empty: nobody is followed
+  /// The bones are those of the frame before. False: they are older; then they only say which of several people is meant.
+  bool now = false;
+  bool crowded = false;  ///< others touched the person in the frame before
+};
+
 enum class CloudOutcome : std::uint8_t {
   person,          ///< somebody is there; the cloud is theirs
   no_frame,        ///< no camera gave an image
@@ -59,6 +71,7 @@ struct CloudReport {
   int points = 0;                            ///< of these: kept in the cloud, whose capacity is limited
   int persons = 0;                           ///< components of a person's size
   int other_components = 0;                  ///< components that are not the tracked person, specks left out
+  bool crowded = false;                      ///< others touch the person: what is far from the bones was taken for theirs
   bool touches_border = false;               ///< part of the person may be outside the stage
   bool floor_measured = false;               ///< the floor was seen well enough to correct the calibrated one
   float floor_height = 0;                    ///< at the stage's centre, m
@@ -83,8 +96,9 @@ class CloudBuilder {
 
   /// False when there is no person: report.outcome says why, the views are filled all the same and the cloud is empty. Cameras without an
   /// input are marked invalid; an input for a camera that does not exist, or a second one for the same camera, is ignored.
-  /// `frame` and `time` of the observation are the caller's to set.
-  bool build(std::span<const DepthInput> inputs, Observation& out, CloudReport& report);
+  /// `frame` and `time` of the observation are the caller's to set. `followed`: the person is whom the bones run through, while anybody is that; else the one
+  /// nearest to the stage's centre.
+  bool build(std::span<const DepthInput> inputs, Observation& out, CloudReport& report, const Followed& followed = {});
 
   const std::vector<Camera>& cameras() const;
   /// Bytes taken at construction, for the memory plan.

@@ -69,6 +69,7 @@ struct Observation {
   /// Height of the floor in the CMU frame (y); nothing below it belongs to the person.
   float floor_height = 0;
   bool floor_known = false;
+  bool crowded = false;  ///< others touch the person: some of the cloud's points may be theirs, and some of the person's may be missing
 };
 
 }  // namespace booth::fit

@@ -7,7 +7,7 @@ namespace booth::fit {
 
 struct Pixel {
   float u, v;  ///< (0, 0) is the centre of the first pixel
-  float z;     ///< metres along the optical axis; <= 0: behind the camera, u and v are meaningless
+  float z;     ///< metres along the optical axis; <= 0: behind the camera, or where the lens model folds over; u and v are meaningless
 };
 
 /// Pinhole and Brown-Conrady distortion. CMU frame in, pixels out.
@@ -17,6 +17,8 @@ inline Pixel project(const Camera& camera, const Eigen::Vector3f& point) {
   const float x = p.x() / p.z(), y = p.y() / p.z();
   const auto& [k1, k2, p1, p2, k3] = camera.distortion;
   const float r2 = x * x + y * y;
+  // Where the distorted radius falls again the polynomial says nothing of the lens.
+  if (1 + r2 * (3 * k1 + r2 * (5 * k2 + r2 * 7 * k3)) <= 0) return {0, 0, 0};
   const float radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
   const float xd = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x);
   const float yd = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y;

@@ -21,6 +21,19 @@ constexpr std::array<float, 3> kCrouchingVolume{0.045f, 0.060f, 0.070f};
 constexpr int kCrumb = 12;              // voxels; as little as this, and this low, is the floor's noise and no limb
 constexpr float kCrumbHeight = 0.12f;   // m above the floor
 constexpr float kLimbFraction = 0.35f;  // of a person's voxels: a piece larger than this is not a limb that came off
+constexpr int kFewestNear = 60;         // voxels; who has fewer near the bones is not who is followed
+constexpr float kStillPerson = 0.6f;    // of a person's size is enough for whom the bones run through,
+constexpr float kOwnShare = 0.75f;      // if so much of them is near the bones
+constexpr float kForeignShare = 0.25f;  // more than this far from the bones is no limb that the tracker lost (a leg is 0.18) but somebody else;
+constexpr float kStillForeign = 0.12f;  // and more than this where somebody else was in the frame before (an arm is 0.09)
+constexpr float kPersonArea = 0.25f;    // m^2
+
+float distance2(const Eigen::Vector3f& p, const Followed::Bone& bone) {
+  const Eigen::Vector3f along = bone.to - bone.from, away = p - bone.from;
+  const float length2 = along.squaredNorm();
+  const float t = length2 > 0 ? std::clamp(away.dot(along) / length2, 0.0f, 1.0f) : 0.0f;
+  return (away - t * along).squaredNorm();
+}
 
 }  // namespace
 
@@ -71,7 +84,7 @@ int VoxelComponents::insert(const Eigen::Vector3f& p) {
   std::int32_t& index = index_of_[static_cast<std::size_t>(voxel)];
   if (index < 0) {
     index = static_cast<std::int32_t>(occupied_.size());
-    occupied_.push_back({voxel, 0, index, -1, VoxelVerdict::speck});
+    occupied_.push_back({voxel, 0, index, -1, VoxelVerdict::speck, false});
   }
   ++occupied_[static_cast<std::size_t>(index)].points;
   return index;
@@ -114,14 +127,14 @@ void VoxelComponents::connect() {
   }
 }
 
-bool VoxelComponents::is_person_sized(const Component& c) const {
+bool VoxelComponents::is_person_sized(const Component& c, float share) const {
   const float v = settings_.voxel;
   const float height = static_cast<float>(c.high[1] - c.low[1] + 1) * v;
   const float across = std::hypot(static_cast<float>(c.high[0] - c.low[0] + 1), static_cast<float>(c.high[2] - c.low[2] + 1)) * v;
   const float extent = std::max(height, across), area = static_cast<float>(c.voxels) * v * v, volume = static_cast<float>(c.volume) * v * v * v;
   if (extent > 3.0f || area > 8) return false;
-  const bool stretched = extent >= 1.35f && area >= 0.25f && volume >= 0.03f;
-  const bool crouching = extent >= 0.7f && volume >= crouching_volume_;
+  const bool stretched = extent >= 1.35f * share && area >= kPersonArea * share && volume >= 0.03f * share;
+  const bool crouching = extent >= 0.7f * share && volume >= crouching_volume_ * share;
   return stretched || crouching;
 }
 
@@ -133,7 +146,7 @@ void VoxelComponents::measure() {
     if (root == static_cast<int>(i)) {
       if (components_.size() == kMaxComponents) continue;  // rubble: what does not fit is specks
       const auto c = static_cast<std::int32_t>(components_.size());
-      components_.push_back({c, 0, 0, {nx_, ny_, nz_}, {-1, -1, -1}, 0, 0, false});
+      components_.push_back({c, 0, 0, {nx_, ny_, nz_}, {-1, -1, -1}, 0, 0, 0, false});
       o.component = c;
     } else {
       o.component = occupied_[static_cast<std::size_t>(root)].component;  // a root has the lowest number of its component
@@ -198,27 +211,59 @@ void VoxelComponents::rejoin(float floor_height) {
   }
 }
 
-bool VoxelComponents::judge(CloudReport& report) {
-  crouching_volume_ = kCrouchingVolume[static_cast<std::size_t>(std::clamp(report.frames, 1, 3) - 1)];
-  connect();
-  measure();
-  rejoin(report.floor_height);
+/// Which voxels are near the bones, and how many of each group.
+void VoxelComponents::find_near(const Followed& followed) {
+  for (Occupied& o : occupied_) {
+    const Eigen::Vector3f cell(static_cast<float>(o.voxel % nx_), static_cast<float>(o.voxel / nx_ % ny_), static_cast<float>(o.voxel / nx_ / ny_));
+    const Eigen::Vector3f p = origin_ + settings_.voxel * (cell + Eigen::Vector3f::Constant(0.5f));
+    o.near = std::any_of(followed.bones.begin(), followed.bones.end(), [&](const Followed::Bone& b) { return distance2(p, b) < b.radius * b.radius; });
+    if (o.near && o.component >= 0) ++components_[static_cast<std::size_t>(find_group(o.component))].near;
+  }
+}
 
-  int chosen = -1;
+/// The person's group, or -1; counts persons and other components.
+int VoxelComponents::choose(CloudReport& report, const Followed& followed) const {
+  int chosen = -1, most_near = kFewestNear - 1;
   double nearest = 0;
   const double v = settings_.voxel;
   for (std::size_t c = 0; c < components_.size(); ++c) {
     const Component& group = components_[c];
     if (group.parent != static_cast<std::int32_t>(c)) continue;
     if (group.voxels >= kSpeck) ++report.other_components;
-    if (!group.person_sized) continue;
+    // Somebody who is followed stays a person where they bend down, or leave the stage; not without the tracker's word, or furniture would be somebody.
+    const bool still = followed.now && static_cast<float>(group.near) >= kOwnShare * static_cast<float>(group.voxels) && is_person_sized(group, kStillPerson);
+    if (!group.person_sized && !still) continue;
     ++report.persons;
     const double x = (group.sum_x / group.voxels + 0.5) * v + origin_.x() - settings_.stage_x;
     const double z = (group.sum_z / group.voxels + 0.5) * v + origin_.z() - settings_.stage_z;
     const double distance = x * x + z * z;
-    if (chosen < 0 || distance < nearest) chosen = static_cast<int>(c), nearest = distance;
+    const bool first_near = group.near > most_near;  // more of them near the bones than of all before
+    if (first_near || (most_near < kFewestNear && (chosen < 0 || distance < nearest))) chosen = static_cast<int>(c), nearest = distance;
+    most_near = std::max(most_near, static_cast<int>(group.near));
   }
   if (chosen >= 0) --report.other_components;
+  return chosen;
+}
+
+/// So much of the person's group is far from the bones that others are part of it, and enough is near them to go on with.
+bool VoxelComponents::others_touch(const Component& person, bool before) const {
+  const auto all = static_cast<float>(person.voxels), near = static_cast<float>(person.near);
+  return all - near > (before ? kStillForeign : kForeignShare) * all && near * settings_.voxel * settings_.voxel >= kStillPerson * kPersonArea;
+}
+
+bool VoxelComponents::judge(CloudReport& report, const Followed& followed) {
+  crouching_volume_ = kCrouchingVolume[static_cast<std::size_t>(std::clamp(report.frames, 1, 3) - 1)];
+  connect();
+  measure();
+  rejoin(report.floor_height);
+  if (!followed.bones.empty()) find_near(followed);
+  const int chosen = choose(report, followed);
+  report.crowded = chosen >= 0 && followed.now && others_touch(components_[static_cast<std::size_t>(chosen)], followed.crowded);
+  if (report.crowded) {
+    const Component& group = components_[static_cast<std::size_t>(chosen)];
+    ++report.other_components;
+    if (static_cast<float>(group.voxels - group.near) * settings_.voxel * settings_.voxel >= kPersonArea) ++report.persons;
+  }
 
   const float inside = settings_.stage_radius - 0.1f;
   for (Occupied& o : occupied_) {
@@ -237,8 +282,8 @@ bool VoxelComponents::judge(CloudReport& report) {
     if (component < 0) continue;
     const int group = find_group(component);
     if (components_[static_cast<std::size_t>(group)].voxels < kSpeck) continue;
-    o.verdict = group == chosen ? VoxelVerdict::person : VoxelVerdict::other;
-    if (group == chosen) {
+    o.verdict = group == chosen && (o.near || !report.crowded) ? VoxelVerdict::person : VoxelVerdict::other;
+    if (o.verdict == VoxelVerdict::person) {
       const int across = o.voxel % nx_, deep = o.voxel / nx_ / ny_;
       const float x = (static_cast<float>(across) + 0.5f) * settings_.voxel + origin_.x() - settings_.stage_x;
       const float z = (static_cast<float>(deep) + 0.5f) * settings_.voxel + origin_.z() - settings_.stage_z;

@@ -22,8 +22,8 @@ class VoxelComponents {
   /// Counts a point (CMU frame) and returns the number of its voxel among the occupied ones; points beyond the stage count at its edge.
   int insert(const Eigen::Vector3f& p);
   /// Decides about all voxels, which report.frames cameras saw above report.floor_height; fills persons, other_components and touches_border. True when there
-  /// is a person.
-  bool judge(CloudReport& report);
+  /// is a person: of several the one who is followed, or else who is nearest to the stage's centre.
+  bool judge(CloudReport& report, const Followed& followed);
   VoxelVerdict verdict(int occupied) const { return occupied_[static_cast<std::size_t>(occupied)].verdict; }
 
   std::size_t memory_bytes() const;
@@ -33,6 +33,7 @@ class VoxelComponents {
     std::int32_t voxel, points, parent;
     std::int32_t component;  // -1: a voxel with too few points to hold anything together
     VoxelVerdict verdict;
+    bool near;  // the bones that are followed; known where somebody is
   };
   struct Component {
     std::int32_t parent;  // of the group that it joined
@@ -40,6 +41,7 @@ class VoxelComponents {
     std::int32_t volume;  // voxels, the hollow between the lowest and the highest of each column included
     int low[3], high[3];  // corners, in voxels
     double sum_x, sum_z;  // of the voxels' coordinates
+    std::int32_t near;    // voxels near the bones that are followed
     bool person_sized;
   };
   struct Offset {
@@ -51,7 +53,11 @@ class VoxelComponents {
   void measure();
   void rejoin(float floor_height);
   void unite_groups(int a, int b);
-  bool is_person_sized(const Component& c) const;
+  /// `share` of what it takes to be a person's size.
+  bool is_person_sized(const Component& c, float share = 1) const;
+  void find_near(const Followed& followed);
+  int choose(CloudReport& report, const Followed& followed) const;
+  bool others_touch(const Component& person, bool before) const;
 
   CloudSettings settings_;
   Eigen::Vector3f origin_;

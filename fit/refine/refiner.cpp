@@ -186,8 +186,9 @@ void Refiner::collect(const Problem& problem, int portion, bool rows) {
         Eigen::Vector3f position = poser_.position(v);
         if (problem.velocity) position += view.time_offset * problem.velocity->col(v);
         const Pixel pixel = project(view.camera, position);
+        const auto width = static_cast<float>(view.camera.width), height = static_cast<float>(view.camera.height);
+        if (!(pixel.z > 0 && pixel.u > -0.5f && pixel.v > -0.5f && pixel.u < width - 0.5f && pixel.v < height - 0.5f)) continue;
         const int u = static_cast<int>(std::lround(pixel.u)), w = static_cast<int>(std::lround(pixel.v));
-        if (pixel.z <= 0 || u < 0 || w < 0 || u >= view.camera.width || w >= view.camera.height) continue;
         const auto at = static_cast<std::size_t>(w * view.camera.width + u);
         const PixelLabel label = view.label[at];
         if (label == PixelLabel::unknown) continue;

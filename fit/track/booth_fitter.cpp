@@ -26,7 +26,8 @@ constexpr double kUneasyTime = 0.08, kLookAgain = 0.15;    // seconds of it befo
 constexpr int kLimbFinalists = 5;                          // of the proposed limbs, how many get a second look
 constexpr int kLimbRounds = 2;                             // limbs of a start that may be replaced one after another
 constexpr double kFreshGain = 0.8;                         // and a fresh start
-constexpr double kPatience = 0.5;                          // seconds of doubt before a fresh start is tried, and between two of them
+constexpr double kPatience = 0.5;                          // seconds of doubt before a fresh start is tried;
+constexpr double kMostPatience = 8;                        // each that does not help doubles them, up to this
 constexpr double kUndressTurn = 0.1, kUndressMove = 0.03;  // rad, m; how far the pose may lie from that of the clothes
 constexpr int kUnseenRounds = 3;                           // in which limbs are left out or taken in again
 constexpr double kHalfUnexplained = 0.04;                  // share of the points that a finished start leaves, above which the cloud may be half a person
@@ -37,6 +38,8 @@ constexpr double kLearnableData = 0.3;                     // the shape is not l
 constexpr int kFewestPoints = 200;                         // fewer are no person
 constexpr double kLostData = 0.55;                         // robust residual above which the model does not explain the cloud
 constexpr double kLostFreeSpace = 0.45;
+// A body as few are, and which stands where cameras saw through, is none: an adult folded into a child, say. Standard deviations of a coefficient.
+constexpr double kStrangeShape = 3, kStrangeFreeSpace = 0.05;
 constexpr double kVelocityMemory = 0.4;    // share of the old velocity in the new
 constexpr double kPredictionShare = 0.8;   // of the velocity that is trusted for one frame
 constexpr double kShapeFrameTrust = 0.25;  // frames 1/30 s apart are not independent looks at the body
@@ -123,8 +126,9 @@ bool BoothFitter::sure(const RefineReport& report) {
   return report.data < kSureData && report.unexplained < kSureUnexplained && report.free_space < kSureFreeSpace;
 }
 
-bool BoothFitter::accepted(const RefineReport& report, const Observation& observation) const {
-  return observation.cloud.size >= kFewestPoints && report.data < kLostData && report.free_space < kLostFreeSpace;
+bool BoothFitter::accepted(const Solution& solution, const Observation& observation) {
+  if (observation.cloud.size < kFewestPoints || solution.report.data >= kLostData || solution.report.free_space >= kLostFreeSpace) return false;
+  return solution.report.free_space < kStrangeFreeSpace || solution.beta.cwiseAbs().maxCoeff() < kStrangeShape;
 }
 
 void BoothFitter::refine_fine(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity,
@@ -132,7 +136,7 @@ void BoothFitter::refine_fine(const Observation& observation, const RefineSchedu
   fine_weights_.unseen = solution.unseen;
   solution.report = fine_.refine(observation, fine_weights_, schedule, belief, belief_, velocity, solution.q, solution.beta);
   solution.iterations += solution.report.iterations;
-  solution.found = accepted(solution.report, observation);
+  solution.found = accepted(solution, observation);
 }
 
 void BoothFitter::prepare_schedules(const Observation& observation) {
@@ -291,6 +295,7 @@ void BoothFitter::adopt(const Observation& observation, const Solution& solution
   velocity_.setZero();
   time_ = doubtful_since_ = easy_at_ = next_look_ = observation.time;
   usual_ = kUsualAtFirst;
+  patience_ = kPatience;
   tracked_frames_ = 0;
   learn_shape(solution);
 }
@@ -447,7 +452,9 @@ Solution BoothFitter::track(const Observation& observation) {
     for (int i = 0; i < poser.size(); ++i) vertex_velocity_.col(i) = (vertex_velocity_.col(i) - poser.position(i)) / static_cast<float>(dt);
   }
 
-  const bool learn = !shape_settled() || tracked_frames_ % 10 == 0;
+  // Other people's points would draw limbs to them, and the shape.
+  const bool crowded = observation.crowded;
+  const bool learn = !crowded && (!shape_settled() || tracked_frames_ % 10 == 0);
   const Vertices* velocity = moving ? &vertex_velocity_ : nullptr;
   RefineSchedule& schedule = thorough_track_schedule_;
   schedule.shape = track_schedule_.shape = learn;
@@ -457,15 +464,18 @@ Solution BoothFitter::track(const Observation& observation) {
   if (quick && !convincing(s.report)) refine_fine(observation, schedule, belief, velocity, s);  // where the prediction was far off
   if (convincing(s.report)) {
     doubtful_since_ = observation.time;
-    if (quick && uneasy(s.report, observation.time)) {
+    patience_ = kPatience;
+    if (quick && !crowded && uneasy(s.report, observation.time)) {
       next_look_ = observation.time + kLookAgain;
       if (!find_lost_limbs(observation, track_schedule_, velocity, true, kFoundGain, s)) refine_fine(observation, track_schedule_, belief, velocity, s);
     }
   } else {
     // Between two frames a forearm does not turn about: what fits better there is seldom true.
-    if (!find_lost_limbs(observation, schedule, velocity, velocity == nullptr, kLimbGain, s)) refine_fine(observation, schedule, belief, velocity, s);
-    if (observation.time - doubtful_since_ > kPatience) {
+    if (!crowded && !find_lost_limbs(observation, schedule, velocity, velocity == nullptr, kLimbGain, s))
+      refine_fine(observation, schedule, belief, velocity, s);
+    if (observation.time - doubtful_since_ > patience_) {
       doubtful_since_ = observation.time;
+      patience_ = std::min(2 * patience_, kMostPatience);
       if (start_afresh(observation, s)) return s;
       fine_weights_.outside = clothed_;
       refine_fine(observation, schedule, belief, velocity, s);  // the refiner has to stand at the solution again

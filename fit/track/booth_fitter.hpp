@@ -93,7 +93,7 @@ class BoothFitter {
   /// The last refinement of a start where clothes were seen: the pose is that of the clothes, nearly, and the body is inside them.
   void undress(const Observation& observation, Solution& solution);
   bool start_afresh(const Observation& observation, Solution& solution);
-  bool accepted(const RefineReport& report, const Observation& observation) const;
+  static bool accepted(const Solution& solution, const Observation& observation);
   void learn_shape(const Solution& solution);
   void refine_fine(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity, Solution& solution);
 
@@ -116,6 +116,7 @@ class BoothFitter {
   int shape_frames_ = 0, tracked_frames_ = 0;
   BoneSet unseen_ = 0;         ///< while clouds without images are followed
   double doubtful_since_ = 0;  ///< time of the last convincing frame, or of the last fresh start that did not help
+  double patience_ = 0;        ///< seconds of doubt before the next fresh start
   double usual_ = 0;           ///< what frames of this person leave of the cloud when all is well: RefineReport::data of quick refinements
   double easy_at_ = 0;         ///< time of the last frame that left no more than usual
   double next_look_ = 0;       ///< time before which no limb is looked for because of what is more than usual

@@ -8,6 +8,7 @@
 #include "drivers/synthetic/scene.hpp"
 #include "fit/cloud/cloud_builder.hpp"
 #include "fit/estimator.hpp"
+#include "fit/track/followed_person.hpp"
 
 namespace booth {
 namespace {
@@ -35,11 +36,25 @@ drivers::Person person(int test_body, const std::string& motion, Eigen::Vector2d
   return p;
 }
 
+/// Somebody whose motion takes them along a line in the meantime.
+drivers::Person person_on_a_way(int test_body, const std::string& motion, double seconds, const std::function<Eigen::Vector2d(double time)>& at) {
+  drivers::Person p = person(test_body, motion);
+  drivers::Motion way;
+  for (int k = 0; k <= std::lround(seconds * way.rate); ++k) {
+    const double t = k / way.rate;
+    way.frames.push_back(p.motion.at(t));
+    way.frames.back()[2] += at(t).x(), way.frames.back()[0] += at(t).y();  // booth to CMU
+  }
+  p.motion = way;
+  return p;
+}
+
 struct Outcome {
   fit::FitResult last;
   fit::CloudReport report;
   std::vector<double> joint_error;  ///< of each frame's 15 main joints, mean, m
-  int lost = 0;
+  int lost = 0, crowded = 0;
+  int changes = 0;  ///< from lost to not lost or back, after the first frame
 };
 
 /// Runs `frames` groups of the scene. Cameras in `blind` deliver nothing.
@@ -53,6 +68,7 @@ Outcome run(drivers::SceneSettings settings, std::vector<drivers::Person> person
   fit::CloudBuilder builder({}, cameras);
   for (const auto& b : source.background) builder.set_background(hal::to_int(b.camera), b.depth);
   fit::Observation observation = builder.make_observation(60000);
+  fit::FollowedPerson followed({});
   fit::Estimator estimator(models().men, models().women, models().prior, {});
   const auto is_blind = [&](std::size_t c) { return std::find(blind.begin(), blind.end(), static_cast<int>(c)) != blind.end(); };
   for (std::size_t c = 0; c < cameras.size(); ++c)
@@ -60,6 +76,7 @@ Outcome run(drivers::SceneSettings settings, std::vector<drivers::Person> person
 
   Outcome out;
   std::vector<hal::DepthFrame> frame(cameras.size());
+  bool was_lost = true;
   for (int f = 0; f < frames; ++f) {
     double reference = 0;
     int seeing = 0;
@@ -75,9 +92,15 @@ Outcome run(drivers::SceneSettings settings, std::vector<drivers::Person> person
       if (!is_blind(c)) inputs.push_back({static_cast<int>(c), frame[c].depth.data(), hal::seconds(frame[c].captured.time_since_epoch()) - reference});
     observation.frame = static_cast<std::uint64_t>(f);
     observation.time = reference;
-    builder.build(inputs, observation, out.report);
+    builder.build(inputs, observation, out.report, followed.at(reference));
+    if (followed.start_over()) estimator.start_over();
     out.last = estimator.step(observation);
-    out.lost += out.last.state == FitState::lost;
+    if (!followed.remember(out.last, observation)) out.last.state = FitState::lost;
+    const bool lost = out.last.state == FitState::lost;
+    out.changes += f > 0 && lost != was_lost;
+    was_lost = lost;
+    out.lost += lost;
+    out.crowded += out.report.crowded;
     if (const auto truth = source.truth ? source.truth->at(hal::MonotonicTime(hal::from_seconds(reference))) : std::nullopt) {
       double error = 0;
       for (int j : fit::main_joints())
@@ -139,6 +162,56 @@ TEST(Scenes, OfTwoPeopleTheOneNearestTheCentreIsFollowed) {
   EXPECT_EQ(o.lost, 0);
   EXPECT_EQ(o.report.persons, 2);
   EXPECT_LT(worst(o.joint_error), 0.05);
+}
+
+TEST(Scenes, TwoPeopleWhoChangePlacesAreNotTakenForEachOther) {
+  const auto leaves = [](double t) { return Eigen::Vector2d(0, -std::min(1.2, 0.8 * t)); };
+  const auto comes = [](double t) { return Eigen::Vector2d(0, std::max(0.05, 1.3 - 0.8 * t)); };
+  const Outcome o = run({}, {person_on_a_way(8, "wave", 3, leaves), person_on_a_way(50, "a-pose", 3, comes)}, 75);
+  EXPECT_EQ(o.lost, 0);
+  EXPECT_LT(worst(o.joint_error), 0.03);
+}
+
+TEST(Scenes, WhoIsFollowedStaysThemselvesWhereSomebodyTouchesThem) {
+  // From 1.85 m they come to 0.45 m and go again.
+  const auto comes = [](double t) { return Eigen::Vector2d(0, 0.45 + std::abs(t - 2.0) * 0.7); };
+  const Outcome o = run({}, {person(8, "wave"), person_on_a_way(50, "a-pose", 4, comes)}, 115);
+  EXPECT_EQ(o.lost, 0);
+  EXPECT_GT(o.crowded, 10);
+  EXPECT_LT(worst(o.joint_error), 0.04);
+  EXPECT_FALSE(o.last.energy.cloud_to_model > 0.05) << "nor has the body changed";
+}
+
+TEST(Scenes, OfTwoPeopleWhoTouchFromTheBeginningOneIsFound) {
+  const auto goes = [](double t) { return Eigen::Vector2d(0, 0.45 + std::max(t - 1.5, 0.0) * 0.8); };
+  const Outcome o = run({}, {person(8, "wave"), person_on_a_way(50, "a-pose", 4, goes)}, 90);
+  EXPECT_LE(o.lost, 2) << "while it is not known who";
+  for (std::size_t f = 2; f < o.joint_error.size(); ++f) EXPECT_LT(o.joint_error[f], f < 60 ? 0.15 : 0.06) << f;
+  EXPECT_LT(o.joint_error.back(), 0.02);
+  EXPECT_TRUE(o.last.body_accepted);
+}
+
+/// An A-pose, as if a photograph of it had been made smaller.
+drivers::Person scaled_person(double scale) {
+  drivers::Person p = person(50, "a-pose");
+  p.rest *= static_cast<float>(scale), p.rest_joints *= scale;
+  for (auto& q : p.motion.frames) q[1] *= scale;
+  return p;
+}
+
+TEST(Scenes, AFigureOfAToddlersSizeIsNobody) {
+  const Outcome o = run({}, {scaled_person(0.65)}, 45);  // 1.05 m
+  EXPECT_EQ(o.lost, 45);
+}
+
+TEST(Scenes, WhoIsSmallIsFollowedOnceTheyWereFound) {
+  // At 1.13 and 1.21 m they are of a person's size in some frames only.
+  for (const double scale : {0.7, 0.75}) {
+    const Outcome o = run({}, {scaled_person(scale)}, 60);
+    ASSERT_LT(o.lost, 45) << scale;
+    EXPECT_EQ(o.changes, 1) << scale;
+    EXPECT_LT(o.joint_error.back(), 0.03) << scale;
+  }
 }
 
 TEST(Scenes, OneCameraOfFourIsEnoughToFindSomebody) {

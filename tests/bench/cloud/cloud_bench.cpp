@@ -54,6 +54,19 @@ void build_cloud(benchmark::State& state) {
 }
 BENCHMARK(build_cloud)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
 
+/// The same with somebody followed; 24 bones, as the skeleton has.
+void build_followed_cloud(benchmark::State& state) {
+  CloudBuilder builder({.threads = static_cast<int>(state.range(0))}, booth().cameras);
+  Observation out = builder.make_observation(120000);
+  CloudReport report;
+  std::vector<Followed::Bone> bones;
+  for (const auto& c : Booth::scene().capsules) bones.push_back({c.a, c.b, c.radius + 0.08f});
+  while (bones.size() < 24) bones.push_back(bones[bones.size() / 2]);
+  for (auto _ : state) builder.build(booth().frame.inputs, out, report, {bones, true});
+  state.counters["points"] = report.points;
+}
+BENCHMARK(build_followed_cloud)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
+
 void rebuild_field(benchmark::State& state) {
   const Cloud cloud = person(60000);
   CellField field;

@@ -23,8 +23,9 @@ using tests::BoothFrame;
 using tests::Scene;
 
 struct Built {
-  explicit Built(CloudBuilder& builder, std::span<const DepthInput> inputs, int capacity = 120000) : observation(builder.make_observation(capacity)) {
-    person = builder.build(inputs, observation, report);
+  explicit Built(CloudBuilder& builder, std::span<const DepthInput> inputs, int capacity = 120000, const Followed& followed = {})
+      : observation(builder.make_observation(capacity)) {
+    person = builder.build(inputs, observation, report, followed);
   }
   Observation observation;
   CloudReport report;
@@ -61,6 +62,19 @@ TEST(PixelRays, UndoTheDistortionThatProjectAdds) {
       worst = std::max({worst, std::abs(p.u - static_cast<float>(u)), std::abs(p.v - static_cast<float>(v))});
     }
   EXPECT_LT(worst, 0.01f);
+}
+
+TEST(Projection, NothingIsSeenWhereTheLensModelFoldsOver) {
+  Camera camera = booth_cameras(1)[0];
+  camera.distortion = {-0.28f, 0, 0, 0, 0};  // the radius falls from 47.5 degrees on
+  const auto at = [&](float degrees) {
+    const float a = degrees * 3.14159265f / 180;
+    return project(camera, camera.rotation.transpose() * (Eigen::Vector3f(std::sin(a), 0, std::cos(a)) - camera.translation));
+  };
+  EXPECT_GT(at(45).z, 0);
+  EXPECT_GT(at(45).u, at(40).u);
+  EXPECT_LE(at(50).z, 0);
+  EXPECT_LE(at(70).z, 0);
 }
 
 TEST(PixelRays, TheGateIsTheStage) {
@@ -341,6 +355,95 @@ TEST(CloudBuilder, OfTwoPeopleTheOneNearestTheCentre) {
     EXPECT_GT(labelled(built, frame, 3 - tracked, PixelLabel::background), 0.9);
     EXPECT_GT(built.report.other, 10000);
   }
+}
+
+/// What a tracker would say of the scene's figure.
+std::vector<Followed::Bone> bones_of(const Scene& scene, int owner) {
+  std::vector<Followed::Bone> out;
+  for (const auto& c : scene.capsules)
+    if (c.owner == owner) out.push_back({c.a, c.b, c.radius + 0.08f});
+  return out;
+}
+
+TEST(CloudBuilder, WhoIsFollowedIsThePersonWhereverTheyStand) {
+  Scene scene;
+  scene.add_person(-0.3f, 0, 1);
+  scene.add_person(0.95f, 0, 2);
+  scene.noise = 0.003f;
+  const auto rig = booth_cameras();
+  const BoothFrame frame(scene, rig);
+  CloudBuilder builder({}, rig);
+  const auto first = bones_of(scene, 1), second = bones_of(scene, 2);
+  Scene elsewhere;
+  elsewhere.add_person(0, 1.6f, 3);
+  const auto neither = bones_of(elsewhere, 3);
+  for (const auto& [bones, now, person] : {std::tuple{&first, true, 1}, {&second, true, 2}, {&second, false, 2}, {&neither, true, 1}, {&neither, false, 1}}) {
+    const Built built(builder, frame.inputs, 120000, {*bones, now});
+    EXPECT_EQ(built.report.persons, 2);
+    EXPECT_FALSE(built.report.crowded);
+    EXPECT_GT(labelled(built, frame, person, PixelLabel::person), 0.9);
+    EXPECT_EQ(labelled(built, frame, 3 - person, PixelLabel::person), 0);
+    expect_balanced(built.report);
+  }
+}
+
+TEST(CloudBuilder, WhoTouchesThePersonIsCutOff) {
+  Scene scene;
+  scene.add_person(0, 0, 1);
+  scene.add_person(0.55f, 0, 2);
+  scene.noise = 0.003f;
+  const auto rig = booth_cameras();
+  const BoothFrame frame(scene, rig);
+  CloudBuilder builder({}, rig);
+  ASSERT_EQ(Built(builder, frame.inputs).report.persons, 1) << "they are one piece";
+  for (const int person : {1, 2}) {
+    const auto bones = bones_of(scene, person);
+    const Built built(builder, frame.inputs, 120000, {bones, true});
+    EXPECT_TRUE(built.report.crowded);
+    EXPECT_TRUE(built.observation.crowded);
+    EXPECT_EQ(built.report.persons, 2);
+    EXPECT_GT(labelled(built, frame, person, PixelLabel::person), 0.9);
+    EXPECT_LT(labelled(built, frame, 3 - person, PixelLabel::person), 0.2);
+    EXPECT_GT(labelled(built, frame, 3 - person, PixelLabel::background), 0.7);
+    expect_balanced(built.report);
+    EXPECT_FALSE(Built(builder, frame.inputs, 120000, {bones, false}).report.crowded) << "older bones cut nobody";
+  }
+}
+
+TEST(CloudBuilder, ALimbThatTheTrackerLostIsNotCutOff) {
+  Scene scene;
+  scene.add_person(0, 0, 1);
+  const auto rig = booth_cameras();
+  const BoothFrame frame(scene, rig);
+  CloudBuilder builder({}, rig);
+  auto bones = bones_of(scene, 1);
+  const auto all = Built(builder, frame.inputs).report.person;
+  for (std::size_t lost = 0; lost < bones.size(); ++lost) {
+    auto without = bones;
+    without[lost].from += Eigen::Vector3f(0, 0.6f, 0), without[lost].to += Eigen::Vector3f(0, 0.6f, 0);
+    const Built built(builder, frame.inputs, 120000, {without, true});
+    if (built.report.crowded) continue;  // the trunk, say
+    EXPECT_EQ(built.report.person, all) << lost;
+  }
+  int cut = 0;
+  for (std::size_t lost = 0; lost < bones.size(); ++lost) {
+    auto without = bones;
+    without.erase(without.begin() + static_cast<std::ptrdiff_t>(lost));
+    cut += Built(builder, frame.inputs, 120000, {without, true}).report.crowded;
+  }
+  EXPECT_LE(cut, 1) << "only without the trunk so much of them is far from all bones";
+}
+
+TEST(CloudBuilder, FurnitureIsNobodyWithoutTheTrackersWord) {
+  Scene scene;
+  scene.add_chair(0, 0, 9);
+  const auto rig = booth_cameras();
+  const BoothFrame frame(scene, rig);
+  CloudBuilder builder({}, rig);
+  EXPECT_FALSE(Built(builder, frame.inputs).person);
+  const std::vector<Followed::Bone> sitting{{{0, 0.1f, 0}, {0, 0.9f, 0}, 0.5f}};
+  EXPECT_TRUE(Built(builder, frame.inputs, 120000, {sitting, true}).person);
+  EXPECT_FALSE(Built(builder, frame.inputs, 120000, {sitting, false}).person);
 }
 
 TEST(CloudBuilder, AChairIsNobodyAndASquattingPersonSomebody) {
