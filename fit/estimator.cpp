@@ -41,7 +41,11 @@ struct Estimator::Impl {
   std::unique_ptr<SwarmBackend> swarm;    ///< preset paper: one for all candidates
   const GuardedSwarm* guarded = nullptr;  ///< `swarm`, where it has a device
   DeviceBytes on_device;
-  Candidate* person = nullptr;                 ///< whose body is known
+  Candidate* person = nullptr;  ///< whose body is known
+  struct {
+    Candidate* person = nullptr;
+    BoothFitter::Learnt body;
+  } before;                                    ///< whose settled body a stranger's took the place of, until that has settled, too
   Candidate* rival = nullptr;                  ///< the other sex's model while it has not been decided
   double person_energy = 0, rival_energy = 0;  ///< summed over the frames since both were adopted
   int rival_frames = 0;
@@ -107,7 +111,7 @@ struct Estimator::Impl {
       if (c.booth) c.booth->reset();
       if (c.paper) c.paper->reset();
     }
-    person = rival = nullptr;
+    person = rival = before.person = nullptr;
     following = false;
     bad_frames = 0;
     result = FitResult{};
@@ -161,6 +165,7 @@ struct Estimator::Impl {
     rival = nullptr;
     if (!person->booth || observation.cloud.size == 0 || BoothFitter::convincing(known.report)) return known;
     const BoothFitter::Learnt kept = person->booth->learnt();
+    if (person->booth->shape_settled()) before = {person, kept};
     for (Candidate& c : candidates) c.booth->reset();
     Solution fresh = meet(observation, initial, chosen);
     fresh.iterations += known.iterations;
@@ -261,12 +266,17 @@ struct Estimator::Impl {
   }
 
   void start_over() {
-    if (!person || !person->booth || !person->booth->shape_settled()) {
-      reset();
-    } else {
+    if (person && person->booth && person->booth->shape_settled()) {
       lose();
       rival = nullptr;
+      return;
     }
+    const auto kept = before;
+    reset();
+    if (!kept.person) return;
+    before = kept;
+    person = kept.person;
+    person->booth->remember(kept.body);
   }
 
   void step(const Observation& observation) {
@@ -275,6 +285,7 @@ struct Estimator::Impl {
       Solution s = follow(*person, observation);
       if (s.found) {
         if (rival) compare_with_rival(observation, s);
+        if (person->booth && person->booth->shape_settled()) before.person = nullptr;
         bad_frames = 0;
         fill(*person, observation, s, FitState::tracked, false);
         return;

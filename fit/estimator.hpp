@@ -106,7 +106,8 @@ class Estimator {
   /// Forgets the person: the next step() starts from nothing.
   void reset();
 
-  /// The next step() estimates, whoever was followed; a body that has settled stays known, one that has not is forgotten.
+  /// The next step() estimates, whoever was followed. A body that has settled stays known; one that has not is forgotten, and the settled one known again
+  /// whose place it took.
   void start_over();
 
   /// The next frame: estimates when there is no person yet or it was lost (re-acquisition keeps the body that was known), tracks otherwise.

@@ -48,7 +48,7 @@ class DetailAverage {
  public:
   void add(const EstimatorFitter& fitter) {
     const fit::FitResult& result = fitter.result();
-    if (result.state != fit::FitState::tracked || !result.body_accepted) return;
+    if (result.state != fit::FitState::tracked || !result.body_accepted || fitter.observation().crowded) return;
     const fit::BodyModel& model = fitter.estimator().model();
     if (model_ != &model) layer_.emplace(model, fit::DetailSettings{.sigma = 0.006, .points = kPoints}), model_ = &model;
     layer_->add(fitter.observation(), result.beta, result.q);

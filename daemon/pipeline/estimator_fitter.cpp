@@ -111,8 +111,7 @@ void EstimatorFitter::watch_drift() {
     }
     body_accepted_ = result_->body_accepted;
   }
-  // Other people's points would look like a camera that moved.
-  if (!drift_ || observation_.crowded || !drift_->observe(observation_, *result_)) return;
+  if (!drift_ || !drift_->observe(observation_, *result_)) return;
   const std::lock_guard lock(drift_mutex_);
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     using Verdict = fit::calibrate::CameraVerdict;
@@ -163,7 +162,7 @@ void EstimatorFitter::step(const FitInput& input, FrameRecord& out) {
   copy_result(result, out);
   if (!told) out.person = PersonState::lost;
   remark_ = !somebody                             ? fit::describe(report_.outcome)
-            : !told                               ? "two people may be touching; each is tried alone"
+            : !told                               ? "no single body explains what stands on the stage; parts of it are tried"
             : result.state == fit::FitState::lost ? "the body model does not explain what stands on the stage"
                                                   : "";
   out.points = static_cast<std::uint32_t>(observation_.cloud.size);

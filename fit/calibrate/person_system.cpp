@@ -80,7 +80,8 @@ std::size_t PersonSystem::memory_bytes() const {
 }
 
 bool PersonSystem::observe(const Observation& o, const FitResult& r) {
-  if (r.state != FitState::tracked || !r.body_accepted || static_cast<int>(o.views.size()) != settings_.cameras || !r.q.allFinite()) {
+  // Other people's points would look like a camera that moved.
+  if (r.state != FitState::tracked || !r.body_accepted || o.crowded || static_cast<int>(o.views.size()) != settings_.cameras || !r.q.allFinite()) {
     pending_ = have_last_ = false;
     return false;
   }

@@ -39,10 +39,11 @@ struct Followed {
     Eigen::Vector3f from, to;  ///< CMU frame, metres
     float radius;              ///< m; of the flesh around it, clothes and what it moves between two frames included
   };
-  std::span<const Bone> bones;  ///< empty: nobody is followed
-  /// The bones are those of the frame before. False: they are older; then they only say which of several people is meant.
+  std::span<const Bone> bones;  ///< the trunk's lowest first; empty: nobody is followed
+  /// The person is where the bones are. False: that was a moment ago; then the bones only say which of several people is meant.
   bool now = false;
   bool crowded = false;  ///< others touched the person in the frame before
+  float strayed = 0;     ///< m; how far from the bones the person may be meanwhile: who is further away is somebody else
 };
 
 enum class CloudOutcome : std::uint8_t {
@@ -96,8 +97,8 @@ class CloudBuilder {
 
   /// False when there is no person: report.outcome says why, the views are filled all the same and the cloud is empty. Cameras without an
   /// input are marked invalid; an input for a camera that does not exist, or a second one for the same camera, is ignored.
-  /// `frame` and `time` of the observation are the caller's to set. `followed`: the person is whom the bones run through, while anybody is that; else the one
-  /// nearest to the stage's centre.
+  /// `frame` and `time` of the observation are the caller's to set. `followed`: the person is whom the bones run through, or else who is nearest to
+  /// them and no further away than they may have strayed. With nobody to follow: who is nearest to the stage's centre.
   bool build(std::span<const DepthInput> inputs, Observation& out, CloudReport& report, const Followed& followed = {});
 
   const std::vector<Camera>& cameras() const;

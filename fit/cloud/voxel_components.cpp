@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -21,12 +22,13 @@ constexpr std::array<float, 3> kCrouchingVolume{0.045f, 0.060f, 0.070f};
 constexpr int kCrumb = 12;              // voxels; as little as this, and this low, is the floor's noise and no limb
 constexpr float kCrumbHeight = 0.12f;   // m above the floor
 constexpr float kLimbFraction = 0.35f;  // of a person's voxels: a piece larger than this is not a limb that came off
-constexpr int kFewestNear = 60;         // voxels; who has fewer near the bones is not who is followed
+constexpr float kFewestNear = 0.15f;    // m^2; who has less near the bones is not who is followed
 constexpr float kStillPerson = 0.6f;    // of a person's size is enough for whom the bones run through,
 constexpr float kOwnShare = 0.75f;      // if so much of them is near the bones
 constexpr float kForeignShare = 0.25f;  // more than this far from the bones is no limb that the tracker lost (a leg is 0.18) but somebody else;
 constexpr float kStillForeign = 0.12f;  // and more than this where somebody else was in the frame before (an arm is 0.09)
 constexpr float kPersonArea = 0.25f;    // m^2
+constexpr float kOthersTop = 1.0f;      // m above the floor: somebody else's is higher, a chair's is not
 
 float distance2(const Eigen::Vector3f& p, const Followed::Bone& bone) {
   const Eigen::Vector3f along = bone.to - bone.from, away = p - bone.from;
@@ -223,9 +225,14 @@ void VoxelComponents::find_near(const Followed& followed) {
 
 /// The person's group, or -1; counts persons and other components.
 int VoxelComponents::choose(CloudReport& report, const Followed& followed) const {
-  int chosen = -1, most_near = kFewestNear - 1;
-  double nearest = 0;
   const double v = settings_.voxel;
+  const bool following = !followed.bones.empty();
+  const auto fewest_near = static_cast<std::int32_t>(std::ceil(kFewestNear / (v * v)));
+  double from_x = settings_.stage_x, from_z = settings_.stage_z;
+  if (following) from_x = followed.bones.front().from.x(), from_z = followed.bones.front().from.z();
+  int chosen = -1;
+  std::int32_t most_near = 0;
+  double nearest = following ? followed.strayed * followed.strayed : std::numeric_limits<double>::infinity();
   for (std::size_t c = 0; c < components_.size(); ++c) {
     const Component& group = components_[c];
     if (group.parent != static_cast<std::int32_t>(c)) continue;
@@ -234,21 +241,28 @@ int VoxelComponents::choose(CloudReport& report, const Followed& followed) const
     const bool still = followed.now && static_cast<float>(group.near) >= kOwnShare * static_cast<float>(group.voxels) && is_person_sized(group, kStillPerson);
     if (!group.person_sized && !still) continue;
     ++report.persons;
-    const double x = (group.sum_x / group.voxels + 0.5) * v + origin_.x() - settings_.stage_x;
-    const double z = (group.sum_z / group.voxels + 0.5) * v + origin_.z() - settings_.stage_z;
-    const double distance = x * x + z * z;
-    const bool first_near = group.near > most_near;  // more of them near the bones than of all before
-    if (first_near || (most_near < kFewestNear && (chosen < 0 || distance < nearest))) chosen = static_cast<int>(c), nearest = distance;
-    most_near = std::max(most_near, static_cast<int>(group.near));
+    if (group.near >= fewest_near) {
+      if (group.near > most_near) most_near = group.near, chosen = static_cast<int>(c);
+      continue;
+    }
+    const double x = (group.sum_x / group.voxels + 0.5) * v + origin_.x() - from_x;
+    const double z = (group.sum_z / group.voxels + 0.5) * v + origin_.z() - from_z;
+    if (const double distance2 = x * x + z * z; most_near == 0 && distance2 < nearest) chosen = static_cast<int>(c), nearest = distance2;
   }
   if (chosen >= 0) --report.other_components;
   return chosen;
 }
 
-/// So much of the person's group is far from the bones that others are part of it, and enough is near them to go on with.
-bool VoxelComponents::others_touch(const Component& person, bool before) const {
+/// So much of the person's group is far from the bones, and so high, that others are part of it, and enough is near them to go on with.
+bool VoxelComponents::others_touch(int chosen, const CloudReport& report, bool before) {
+  const Component& person = components_[static_cast<std::size_t>(chosen)];
+  const float area = settings_.voxel * settings_.voxel;
   const auto all = static_cast<float>(person.voxels), near = static_cast<float>(person.near);
-  return all - near > (before ? kStillForeign : kForeignShare) * all && near * settings_.voxel * settings_.voxel >= kStillPerson * kPersonArea;
+  if (all - near <= (before ? kStillForeign : kForeignShare) * all || near * area < kStillPerson * kPersonArea) return false;
+  const int top = pad_ + static_cast<int>((kFloorSearch + report.floor_height + kOthersTop) * inverse_voxel_);
+  for (const Occupied& o : occupied_)
+    if (!o.near && o.component >= 0 && o.voxel / nx_ % ny_ >= top && find_group(o.component) == chosen) return true;
+  return false;
 }
 
 bool VoxelComponents::judge(CloudReport& report, const Followed& followed) {
@@ -258,7 +272,7 @@ bool VoxelComponents::judge(CloudReport& report, const Followed& followed) {
   rejoin(report.floor_height);
   if (!followed.bones.empty()) find_near(followed);
   const int chosen = choose(report, followed);
-  report.crowded = chosen >= 0 && followed.now && others_touch(components_[static_cast<std::size_t>(chosen)], followed.crowded);
+  report.crowded = chosen >= 0 && followed.now && others_touch(chosen, report, followed.crowded);
   if (report.crowded) {
     const Component& group = components_[static_cast<std::size_t>(chosen)];
     ++report.other_components;

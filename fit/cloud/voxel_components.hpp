@@ -22,7 +22,7 @@ class VoxelComponents {
   /// Counts a point (CMU frame) and returns the number of its voxel among the occupied ones; points beyond the stage count at its edge.
   int insert(const Eigen::Vector3f& p);
   /// Decides about all voxels, which report.frames cameras saw above report.floor_height; fills persons, other_components and touches_border. True when there
-  /// is a person: of several the one who is followed, or else who is nearest to the stage's centre.
+  /// is a person (CloudBuilder::build() says which).
   bool judge(CloudReport& report, const Followed& followed);
   VoxelVerdict verdict(int occupied) const { return occupied_[static_cast<std::size_t>(occupied)].verdict; }
 
@@ -57,7 +57,7 @@ class VoxelComponents {
   bool is_person_sized(const Component& c, float share = 1) const;
   void find_near(const Followed& followed);
   int choose(CloudReport& report, const Followed& followed) const;
-  bool others_touch(const Component& person, bool before) const;
+  bool others_touch(int chosen, const CloudReport& report, bool before);
 
   CloudSettings settings_;
   Eigen::Vector3f origin_;

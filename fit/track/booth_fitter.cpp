@@ -34,11 +34,12 @@ constexpr double kHalfUnexplained = 0.04;                  // share of the point
 constexpr double kTopGain = 0.8;                           // share of the cloud's residual that half a person may leave, to be taken
 constexpr BoneSet kLegs = 0b11110111100;                   // thigh, shank, foot and toes of either side
 constexpr double kUnseenLoss = 1.03;                       // share of the cloud's residual that leaving a limb out may leave; more says that it was seen
+constexpr double kClearData = 0.1;                         // with others about, the shape is learnt after a frame that was explained so well
 constexpr double kLearnableData = 0.3;                     // the shape is not learnt from frames that are explained worse
 constexpr int kFewestPoints = 200;                         // fewer are no person
 constexpr double kLostData = 0.55;                         // robust residual above which the model does not explain the cloud
 constexpr double kLostFreeSpace = 0.45;
-// A body as few are, and which stands where cameras saw through, is none: an adult folded into a child, say. Standard deviations of a coefficient.
+// A start with a body as one in twenty is, which stands where cameras saw through, found none: an adult folded into a child, say. Standard deviations.
 constexpr double kStrangeShape = 3, kStrangeFreeSpace = 0.05;
 constexpr double kVelocityMemory = 0.4;    // share of the old velocity in the new
 constexpr double kPredictionShare = 0.8;   // of the velocity that is trusted for one frame
@@ -126,9 +127,12 @@ bool BoothFitter::sure(const RefineReport& report) {
   return report.data < kSureData && report.unexplained < kSureUnexplained && report.free_space < kSureFreeSpace;
 }
 
-bool BoothFitter::accepted(const Solution& solution, const Observation& observation) {
-  if (observation.cloud.size < kFewestPoints || solution.report.data >= kLostData || solution.report.free_space >= kLostFreeSpace) return false;
-  return solution.report.free_space < kStrangeFreeSpace || solution.beta.cwiseAbs().maxCoeff() < kStrangeShape;
+bool BoothFitter::accepted(const RefineReport& report, const Observation& observation) {
+  return observation.cloud.size >= kFewestPoints && report.data < kLostData && report.free_space < kLostFreeSpace;
+}
+
+void BoothFitter::refuse_strange(Solution& solution) {
+  if (solution.report.free_space > kStrangeFreeSpace && solution.beta.cwiseAbs().maxCoeff() > kStrangeShape) solution.found = false;
 }
 
 void BoothFitter::refine_fine(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity,
@@ -136,7 +140,7 @@ void BoothFitter::refine_fine(const Observation& observation, const RefineSchedu
   fine_weights_.unseen = solution.unseen;
   solution.report = fine_.refine(observation, fine_weights_, schedule, belief, belief_, velocity, solution.q, solution.beta);
   solution.iterations += solution.report.iterations;
-  solution.found = accepted(solution, observation);
+  solution.found = accepted(solution.report, observation);
 }
 
 void BoothFitter::prepare_schedules(const Observation& observation) {
@@ -231,6 +235,7 @@ Solution BoothFitter::start(const Observation& observation, BoothFitter* other_m
   leave_out_unseen(observation, start_schedule_, best);
   if (best.report.unexplained > kHalfUnexplained) start_from_top(observation, best);
   undress(observation, best);
+  refuse_strange(best);
   return best;
 }
 
@@ -277,6 +282,7 @@ Solution BoothFitter::start_from(const Observation& observation, std::span<const
   refine_fine(observation, start_schedule_, {}, nullptr, best);
   leave_out_unseen(observation, start_schedule_, best);
   undress(observation, best);
+  refuse_strange(best);
   return best;
 }
 
@@ -296,6 +302,7 @@ void BoothFitter::adopt(const Observation& observation, const Solution& solution
   time_ = doubtful_since_ = easy_at_ = next_look_ = observation.time;
   usual_ = kUsualAtFirst;
   patience_ = kPatience;
+  clear_ = false;
   tracked_frames_ = 0;
   learn_shape(solution);
 }
@@ -452,9 +459,9 @@ Solution BoothFitter::track(const Observation& observation) {
     for (int i = 0; i < poser.size(); ++i) vertex_velocity_.col(i) = (vertex_velocity_.col(i) - poser.position(i)) / static_cast<float>(dt);
   }
 
-  // Other people's points would draw limbs to them, and the shape.
+  // Other people's points would draw limbs to them, and the shape: what is left of a chair would not.
   const bool crowded = observation.crowded;
-  const bool learn = !crowded && (!shape_settled() || tracked_frames_ % 10 == 0);
+  const bool learn = (!crowded || clear_) && (!shape_settled() || tracked_frames_ % 10 == 0);
   const Vertices* velocity = moving ? &vertex_velocity_ : nullptr;
   RefineSchedule& schedule = thorough_track_schedule_;
   schedule.shape = track_schedule_.shape = learn;
@@ -462,17 +469,19 @@ Solution BoothFitter::track(const Observation& observation) {
   const bool quick = shape_settled() && tracked_frames_ > 0;
   refine_fine(observation, quick ? track_schedule_ : schedule, belief, velocity, s);
   if (quick && !convincing(s.report)) refine_fine(observation, schedule, belief, velocity, s);  // where the prediction was far off
-  if (convincing(s.report)) {
+  clear_ = s.report.data < kClearData;
+  if (crowded) {
+    doubtful_since_ = observation.time;  // a fresh start would be one with others, too
+  } else if (convincing(s.report)) {
     doubtful_since_ = observation.time;
     patience_ = kPatience;
-    if (quick && !crowded && uneasy(s.report, observation.time)) {
+    if (quick && uneasy(s.report, observation.time)) {
       next_look_ = observation.time + kLookAgain;
       if (!find_lost_limbs(observation, track_schedule_, velocity, true, kFoundGain, s)) refine_fine(observation, track_schedule_, belief, velocity, s);
     }
   } else {
     // Between two frames a forearm does not turn about: what fits better there is seldom true.
-    if (!crowded && !find_lost_limbs(observation, schedule, velocity, velocity == nullptr, kLimbGain, s))
-      refine_fine(observation, schedule, belief, velocity, s);
+    if (!find_lost_limbs(observation, schedule, velocity, velocity == nullptr, kLimbGain, s)) refine_fine(observation, schedule, belief, velocity, s);
     if (observation.time - doubtful_since_ > patience_) {
       doubtful_since_ = observation.time;
       patience_ = std::min(2 * patience_, kMostPatience);

@@ -93,7 +93,9 @@ class BoothFitter {
   /// The last refinement of a start where clothes were seen: the pose is that of the clothes, nearly, and the body is inside them.
   void undress(const Observation& observation, Solution& solution);
   bool start_afresh(const Observation& observation, Solution& solution);
-  static bool accepted(const Solution& solution, const Observation& observation);
+  static bool accepted(const RefineReport& report, const Observation& observation);
+  /// Of a start: a body that hardly anybody has, standing where cameras saw through, is nobody's.
+  static void refuse_strange(Solution& solution);
   void learn_shape(const Solution& solution);
   void refine_fine(const Observation& observation, const RefineSchedule& schedule, const PoseBelief& belief, const Vertices* velocity, Solution& solution);
 
@@ -117,6 +119,7 @@ class BoothFitter {
   BoneSet unseen_ = 0;         ///< while clouds without images are followed
   double doubtful_since_ = 0;  ///< time of the last convincing frame, or of the last fresh start that did not help
   double patience_ = 0;        ///< seconds of doubt before the next fresh start
+  bool clear_ = false;         ///< the frame before left little of the cloud
   double usual_ = 0;           ///< what frames of this person leave of the cloud when all is well: RefineReport::data of quick refinements
   double easy_at_ = 0;         ///< time of the last frame that left no more than usual
   double next_look_ = 0;       ///< time before which no limb is looked for because of what is more than usual

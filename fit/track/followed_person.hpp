@@ -1,4 +1,4 @@
-// The tracker's word to the cloud: whose points the next frame's are. Also whether a start was of two people at once.
+// The tracker's word to the cloud: whose points the next frame's are. Also whether what was fitted is two people at once.
 #pragma once
 
 #include <array>
@@ -9,7 +9,8 @@
 namespace booth::fit {
 
 /// Between an Estimator's steps and a CloudBuilder's builds. Two people who touch before anybody is followed are one component, which no body explains: then
-/// the next frames are tried with either half of it, the one nearer the stage's centre first. Allocates nothing. One thread calls at a time.
+/// the next frames are tried with either half of it, first the one nearer to who was followed, or to the stage's centre. Allocates nothing. One thread calls at
+/// a time; the order is at(), build(), start_over(), step(), remember().
 class FollowedPerson {
  public:
   /// `settings` as the CloudBuilder has them: where the stage's centre is.
@@ -18,8 +19,8 @@ class FollowedPerson {
   /// For CloudBuilder::build() of the observation at `time`; holds until the next call.
   Followed at(double time);
   /// The Estimator has to start over before its step with that observation: it is the first with another half, or with the whole again.
-  bool start_over() const { return stage_ != Stage::follows && stage_ != Stage::settled; }
-  /// After each step of the Estimator. False: the result is one of two people at once, or of nobody, and is not to be told.
+  bool start_over() const { return stage_ != Stage::follows; }
+  /// After each step of the Estimator. False: the result is one of two people at once, or of half of something, and is not to be told.
   bool remember(const FitResult& result, const Observation& observation);
   /// The next person is another one.
   void forget();
@@ -29,11 +30,10 @@ class FollowedPerson {
     follows,
     first_half,  // the next frame is tried with it
     second_half,
-    whole,    // with all, since neither half is a person: somebody in a chair, say
-    settled,  // and that is what there is
+    whole,  // neither half is a person: with all again
   };
   bool halve(const Observation& observation);
-  bool doubtful(const FitResult& result, const Observation& observation) const;
+  bool doubtful(const FitResult& result, const Observation& observation);
 
   Eigen::Vector2f centre_;
   std::array<Followed::Bone, kBones> bones_;
@@ -42,7 +42,11 @@ class FollowedPerson {
   bool known_ = false, last_found_ = false, crowded_ = false;
   Stage stage_ = Stage::follows;
   std::array<Eigen::Vector2f, 2> halves_;  ///< x, z
+  double halved_ = 0;                      ///< time of them
   double whole_left_ = 0;                  ///< of the cloud, by the body that was fitted to all of it: EnergyTerms::cloud_to_model
+  double whole_coverage_ = 0;              ///< FitResult::coverage of it
+  double convinced_ = 0;                   ///< time of the last frame that gave no doubt, or of halves that were of no use
+  double patience_ = 0;                    ///< seconds of doubt before halves are tried again
 };
 
 }  // namespace booth::fit

@@ -18,7 +18,9 @@ struct Work {
   std::unique_ptr<fit::CloudBuilder> builder;
   std::unique_ptr<fit::Observation> observation;
   std::unique_ptr<fit::Estimator> estimator;
+  fit::FollowedPerson followed{{}};
   fit::CloudReport report;
+  const fit::FitResult* result = nullptr;
 };
 
 }  // namespace
@@ -30,11 +32,11 @@ __attribute__((noinline)) void gate_cloud(Work& work, std::size_t group) {
   for (std::size_t c = 0; c < work.cameras.size(); ++c) inputs.push_back({static_cast<int>(c), work.memory.frames[c][group].depth.data(), 0});
   work.observation->frame = group;
   work.observation->time = static_cast<double>(group) / 30;
-  work.builder->build(inputs, *work.observation, work.report);
+  work.builder->build(inputs, *work.observation, work.report, work.followed.at(work.observation->time));
 }
 
-__attribute__((noinline)) void gate_fit(Work& work) { work.estimator->step(*work.observation); }
-__attribute__((noinline)) void gate_start(Work& work) { work.estimator->step(*work.observation); }
+__attribute__((noinline)) void gate_fit(Work& work) { work.result = &work.estimator->step(*work.observation); }
+__attribute__((noinline)) void gate_start(Work& work) { work.result = &work.estimator->step(*work.observation); }
 }
 
 int main() {
@@ -55,6 +57,7 @@ int main() {
   for (std::size_t k = 0; k < kGroups; ++k) {
     gate_cloud(work, k);
     k == 0 ? gate_start(work) : gate_fit(work);
+    work.followed.remember(*work.result, *work.observation);
   }
   std::cout << kGroups << " groups, " << work.observation->cloud.size << " points\n";
 }
