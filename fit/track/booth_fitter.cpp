@@ -27,7 +27,8 @@ constexpr int kLimbFinalists = 5;                          // of the proposed li
 constexpr int kLimbRounds = 2;                             // limbs of a start that may be replaced one after another
 constexpr double kFreshGain = 0.8;                         // and a fresh start
 constexpr double kPatience = 0.5;                          // seconds of doubt before a fresh start is tried;
-constexpr double kMostPatience = 8;                        // each that does not help doubles them, up to this
+constexpr double kMostPatience = 8;                        // each that does not help doubles them, up to this, until the body
+constexpr double kMuchWorse = 1.5;                         // leaves so many times what it left then
 constexpr double kUndressTurn = 0.1, kUndressMove = 0.03;  // rad, m; how far the pose may lie from that of the clothes
 constexpr int kUnseenRounds = 3;                           // in which limbs are left out or taken in again
 constexpr double kHalfUnexplained = 0.04;                  // share of the points that a finished start leaves, above which the cloud may be half a person
@@ -302,6 +303,7 @@ void BoothFitter::adopt(const Observation& observation, const Solution& solution
   time_ = doubtful_since_ = easy_at_ = next_look_ = observation.time;
   usual_ = kUsualAtFirst;
   patience_ = kPatience;
+  fruitless_ = 1;  // nothing is worse
   clear_ = false;
   tracked_frames_ = 0;
   learn_shape(solution);
@@ -482,10 +484,12 @@ Solution BoothFitter::track(const Observation& observation) {
   } else {
     // Between two frames a forearm does not turn about: what fits better there is seldom true.
     if (!find_lost_limbs(observation, schedule, velocity, velocity == nullptr, kLimbGain, s)) refine_fine(observation, schedule, belief, velocity, s);
+    if (s.report.data > kMuchWorse * fruitless_) patience_ = kPatience;
     if (observation.time - doubtful_since_ > patience_) {
       doubtful_since_ = observation.time;
       patience_ = std::min(2 * patience_, kMostPatience);
       if (start_afresh(observation, s)) return s;
+      fruitless_ = s.report.data;
       fine_weights_.outside = clothed_;
       refine_fine(observation, schedule, belief, velocity, s);  // the refiner has to stand at the solution again
     }

@@ -119,6 +119,7 @@ class BoothFitter {
   BoneSet unseen_ = 0;         ///< while clouds without images are followed
   double doubtful_since_ = 0;  ///< time of the last convincing frame, or of the last fresh start that did not help
   double patience_ = 0;        ///< seconds of doubt before the next fresh start
+  double fruitless_ = 1;       ///< what the body left of the cloud when a fresh start had not helped
   bool clear_ = false;         ///< the frame before left little of the cloud
   double usual_ = 0;           ///< what frames of this person leave of the cloud when all is well: RefineReport::data of quick refinements
   double easy_at_ = 0;         ///< time of the last frame that left no more than usual
