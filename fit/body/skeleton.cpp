@@ -2,6 +2,7 @@
 #include "fit/body/skeleton.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "fit/body/exact_math.hpp"
 
@@ -165,6 +166,15 @@ std::uint64_t dof_mask(int bone) {
     return m;
   }();
   return masks[bone];
+}
+
+void turn_about_length(int bone, double angle, PoseVector& q) {
+  const auto& [rx, ry, rz] = kBoneTable[static_cast<std::size_t>(bone)].dof;
+  const Eigen::Matrix3d turned = about_z(q[rz]) * about_y(q[ry]) * about_x(q[rx]) * about_y(angle);
+  const double across = std::sqrt(std::max(1 - turned(2, 0) * turned(2, 0), 1e-12));
+  q[rx] = exact_angle(turned(2, 1) / across, turned(2, 2) / across);
+  q[ry] = exact_angle(-turned(2, 0), across);
+  q[rz] = exact_angle(turned(1, 0) / across, turned(0, 0) / across);
 }
 
 PoseVector mirror(const PoseVector& q) {

@@ -30,6 +30,9 @@ struct Bone {
 /// In the row order of the CMU average skeleton (docs/reference/skeleton.md).
 std::span<const Bone, kBones> bones();
 
+/// A set of bones: bit b stands for bone b of bones().
+using BoneSet = std::uint32_t;
+
 /// Index of a bone or of a joint by name; -1 when there is none.
 int bone_index(std::string_view name);
 int joint_index(std::string_view end_joint);
@@ -62,6 +65,10 @@ inline int start_joint(int bone) { return bone == 0 ? 0 : bones()[bone].parent; 
 
 /// Which q entries move bone b: bit k of the mask is set when q[k] turns or moves b.
 std::uint64_t dof_mask(int bone);
+
+/// Turns a bone that has three angles about the y axis of its own frame, the length of a thigh or an upper arm: its end stays where it is, what hangs on it
+/// goes round. Radians; the angles come out in (-pi, pi], the middle one within a quarter turn. Deterministic on every machine.
+void turn_about_length(int bone, double angle, PoseVector& q);
 
 /// The same pose seen in a mirror (left and right exchanged). An involution.
 PoseVector mirror(const PoseVector& q);

@@ -28,8 +28,13 @@ struct PosePrior {
   void check() const;
 };
 
-/// Sets the joint angles of q whose bit in `unknown` is set (bit k: q[k], root entries are left alone) to what is most probable beside the others: the
-/// least of outside x squared distance from the subspace + inside x squared Mahalanobis distance inside it, within the limits. Allocates nothing.
-void complete_pose(const PosePrior& prior, double outside, double inside, std::uint64_t unknown, PoseVector& q);
+/// Sets the joint angles that only `unseen` bones would have told to what is most probable beside the others: the least of outside x squared distance from
+/// the subspace + inside x squared Mahalanobis distance inside it, within the limits. Such angles are those that move unseen bones alone, and the turn of a
+/// seen thigh or upper arm about its own length where what hangs on it is unseen. Allocates nothing; deterministic on every machine.
+void complete_pose(const PosePrior& prior, double outside, double inside, BoneSet unseen, PoseVector& q);
+
+/// Bones of the forearms with their hands and of the shanks with their feet whose elbow or knee is bent by more than 1.2 rad more or less than
+/// complete_pose() would bend it. People do that; so does a fit that has no points for a limb and folds it into another's.
+BoneSet unusual_limbs(const PosePrior& prior, double outside, double inside, const PoseVector& q);
 
 }  // namespace booth::fit

@@ -11,9 +11,6 @@
 
 namespace booth::fit {
 
-/// A set of bones: bit b stands for bone b of bones().
-using BoneSet = std::uint32_t;
-
 /// Judges a fitted body part by part: head, upper arms, forearms with their hands, thighs, shanks, feet. A part has the support of a point that lies on it and
 /// that no vertex of another part comes near to: a forearm in the trunk or along the upper arm has none, one that is crossed before the chest has. Fixed
 /// buffers; one thread calls at a time; deterministic.

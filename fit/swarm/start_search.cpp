@@ -23,7 +23,7 @@ constexpr float kNotWorse = 1.01f;                          // of the cost, so m
 constexpr int kMostLimbPoses = 64;                          // of a limb that are tried: exemplars share many
 constexpr double kOtherPose = 0.3;                          // rad; angles closer than this (largest difference) refine to the same
 constexpr std::array<int, 4> kLimbFirstDof{9, 15, 24, 30};  // clavicle to forearm, hip to foot; six angles each
-constexpr int kArms = 2;                                    // of the limbs, the first
+constexpr std::array<int, 2> kUpperArms{14, 18};            // bones of the first two limbs
 constexpr int kTwists = 8;                                  // of an upper arm
 constexpr std::array<double, 3> kBends{0.3, 1.0, 1.8};      // rad, of an elbow
 
@@ -224,23 +224,12 @@ void StartSearch::list_limb_poses(int limb, const PoseVector& q, bool forearms) 
   const int first = kLimbFirstDof[static_cast<std::size_t>(limb)];
   limb_poses_.clear();
   for (const int e : limb_choice_[static_cast<std::size_t>(limb)]) limb_poses_.push_back(prior_.exemplars.col(e).segment<6>(first));
-  if (!forearms || limb >= kArms) return;
-  // The forearm by itself: an elbow in its place, bent another way. Turns of the upper arm about its own length, which is the y axis of its frame.
-  const auto [sx, cx] = exact_sincos(q[first + 2]);
-  const auto [sy, cy] = exact_sincos(q[first + 3]);
-  const auto [sz, cz] = exact_sincos(q[first + 4]);
-  const Eigen::Matrix3d x = (Eigen::Matrix3d() << 1, 0, 0, 0, cx, -sx, 0, sx, cx).finished();
-  const Eigen::Matrix3d y = (Eigen::Matrix3d() << cy, 0, sy, 0, 1, 0, -sy, 0, cy).finished();
-  const Eigen::Matrix3d z = (Eigen::Matrix3d() << cz, -sz, 0, sz, cz, 0, 0, 0, 1).finished();
-  const Eigen::Matrix3d upper_arm = z * y * x;
+  if (!forearms || limb >= static_cast<int>(kUpperArms.size())) return;
+  // The forearm by itself: an elbow in its place, bent another way.
   for (int t = 0; t < kTwists; ++t) {
-    const auto [s, c] = exact_sincos(t * 2 * std::numbers::pi / kTwists);
-    const Eigen::Matrix3d m = upper_arm * (Eigen::Matrix3d() << c, 0, s, 0, 1, 0, -s, 0, c).finished();
-    const double across = std::sqrt(std::max(1 - m(2, 0) * m(2, 0), 1e-12));
-    LimbPose pose = q.segment<6>(first);
-    pose[2] = exact_angle(m(2, 1) / across, m(2, 2) / across);
-    pose[3] = exact_angle(-m(2, 0), across);
-    pose[4] = exact_angle(m(1, 0) / across, m(0, 0) / across);
+    PoseVector turned = q;
+    turn_about_length(kUpperArms[static_cast<std::size_t>(limb)], t * 2 * std::numbers::pi / kTwists, turned);
+    LimbPose pose = turned.segment<6>(first);
     for (const double bend : kBends) {
       pose[5] = bend;
       limb_poses_.push_back(pose);

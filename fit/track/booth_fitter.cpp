@@ -35,6 +35,7 @@ constexpr double kHalfUnexplained = 0.04;                  // share of the point
 constexpr double kTopGain = 0.8;                           // share of the cloud's residual that half a person may leave, to be taken
 constexpr BoneSet kLegs = 0b11110111100;                   // thigh, shank, foot and toes of either side
 constexpr double kUnseenLoss = 1.03;                       // share of the cloud's residual that leaving a limb out may leave; more says that it was seen
+constexpr double kUnseenLossUsual = 1.06;                  // where the pose without it is so much more usual that the energy falls
 constexpr double kClearData = 0.1;                         // with others about, the shape is learnt after a frame that was explained so well
 constexpr double kLearnableData = 0.3;                     // the shape is not learnt from frames that are explained worse
 constexpr int kFewestPoints = 200;                         // fewer are no person
@@ -396,26 +397,26 @@ bool BoothFitter::uneasy(const RefineReport& report, double time) {
 void BoothFitter::leave_out_unseen(const Observation& observation, const RefineSchedule& schedule, Solution& solution) {
   if (!observation.views.empty() || !parts_.two_sided || !parts_.refinement) return;
   for (int round = 0; round < kUnseenRounds; ++round) {
+    const BoneSet left_first = support_.unseen(fine_.poser(), observation.cloud, false), right_first = support_.unseen(fine_.poser(), observation.cloud, true);
+    // A limb that lies folded beside another draws points from it, and has its support by them.
+    const std::array<BoneSet, 3> sets{left_first, right_first, left_first | unusual_limbs(prior_, weights_.pose_outside, weights_.pose_inside, solution.q)};
     Solution best;
-    bool tried = false;
-    const std::array<BoneSet, 2> sets{support_.unseen(fine_.poser(), observation.cloud, false), support_.unseen(fine_.poser(), observation.cloud, true)};
-    for (const BoneSet unseen : sets) {
-      if (unseen == solution.unseen || (tried && unseen == best.unseen)) continue;
+    bool tried = false, accepted = false, at_best = false;
+    for (auto set = sets.begin(); set != sets.end(); ++set) {
+      if (*set == solution.unseen || std::find(sets.begin(), set, *set) != set) continue;
       Solution other = solution;
-      other.unseen = unseen;
-      // An angle is free when nothing that it moves was seen.
-      std::uint64_t moves_seen = 0, moves_unseen = 0;
-      for (int b = 0; b < kBones; ++b) ((unseen >> b & 1u) != 0 ? moves_unseen : moves_seen) |= dof_mask(b);
-      complete_pose(prior_, weights_.pose_outside, weights_.pose_inside, moves_unseen & ~moves_seen, other.q);
+      other.unseen = *set;
+      complete_pose(prior_, weights_.pose_outside, weights_.pose_inside, other.unseen, other.q);
       refine_fine(observation, schedule, {}, nullptr, other);
-      if (!tried || other.report.energy < best.report.energy) best = other;
       tried = true;
+      const double loss = other.report.data / solution.report.data;
+      at_best = (loss <= kUnseenLoss || (loss <= kUnseenLossUsual && other.report.energy < solution.report.energy)) &&
+                (!accepted || other.report.energy < best.report.energy);
+      if (at_best) best = other, accepted = true;
     }
-    if (!tried) return;
-    const bool worse = best.report.data > kUnseenLoss * solution.report.data;
-    if (!worse) solution = best;
-    if (worse || sets[0] != sets[1]) refine_fine(observation, schedule, {}, nullptr, solution);  // the refiner has to stand at the solution
-    if (worse) return;
+    if (accepted) solution = best;
+    if (tried && !at_best) refine_fine(observation, schedule, {}, nullptr, solution);  // the refiner has to stand at the solution
+    if (!accepted) return;
   }
 }
 

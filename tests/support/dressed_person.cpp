@@ -1,8 +1,11 @@
 // A posed template is subdivided once and pushed out along its normals by smooth noise of the resting position, region by region.
 #include "tests/support/dressed_person.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <map>
 #include <numbers>
@@ -105,7 +108,18 @@ Eigen::MatrixXf regions(const fit::BodyModelData& d) {
   return out;
 }
 
-fit::PoseVector pose_named(std::string_view name, const fit::PoseVector& rest) {
+fit::PoseVector pose_named(std::string_view name, const fit::PoseVector& rest, const std::filesystem::path& folder) {
+  constexpr std::string_view kTypical = "typical-";
+  if (name.starts_with(kTypical)) {
+    const auto prior = daemon::load_pose_prior(folder / "pose.npz");
+    const auto count = static_cast<int>(prior.exemplars.cols());
+    int n = -1;
+    const std::string_view digits = name.substr(kTypical.size());
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), n);
+    if (error != std::errc() || end != digits.data() + digits.size() || n < 0 || n >= count)
+      throw std::invalid_argument(fmt::format("dressed person: there is no pose {}; the pose prior has typical-0 to typical-{}", name, count - 1));
+    return prior.exemplars.col(n);
+  }
   fit::PoseVector q = rest;
   const auto turn = [&](std::string_view dof, double degrees) { q[fit::dof_index(dof)] += degrees * std::numbers::pi / 180; };
   if (name == "a") {
@@ -118,7 +132,7 @@ fit::PoseVector pose_named(std::string_view name, const fit::PoseVector& rest) {
   } else if (name == "sit") {
     turn("lfemur_rx", -80), turn("rfemur_rx", -75), turn("ltibia_rx", 75), turn("rtibia_rx", 70), turn("lradius_rx", 60);
   } else {
-    throw std::invalid_argument("dressed person: unknown pose " + std::string(name) + "; known are a, arms-up, stride, sit");
+    throw std::invalid_argument("dressed person: unknown pose " + std::string(name) + "; known are a, arms-up, stride, sit, typical-N");
   }
   return q;
 }
@@ -133,7 +147,7 @@ DressedPerson dress(const PersonRequest& request) {
   const fit::BodyModelData& d = out.model->data();
   out.rest = body.rest;
   out.measures = fit::Measurer(d).measure(body.rest, body.rest_joints);
-  out.q = pose_named(request.pose, out.model->rest_pose());
+  out.q = pose_named(request.pose, out.model->rest_pose(), folder);
   out.q[fit::dof_index("root_ry")] += request.heading * std::numbers::pi / 180;
   out.model->pose_mesh(body.rest, body.rest_joints, out.q, out.skin);
   const float lift = 0.0f - out.skin.row(1).minCoeff() + (request.shoes ? 0.02f : 0.0f);

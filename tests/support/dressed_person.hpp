@@ -24,7 +24,7 @@ constexpr std::string_view to_string(Outfit o) { return o == Outfit::bare ? "bar
 struct PersonRequest {
   int body = 7;                    ///< of the set-aside bodies, 1 to 90
   std::filesystem::path bodies{};  ///< another file of test bodies; empty: the one beside the models
-  std::string_view pose = "a";     ///< a, arms-up, stride, sit
+  std::string_view pose = "a";     ///< a, arms-up, stride, sit, or typical-N: an exemplar of the pose prior
   double heading = 0;              ///< degrees
   Outfit outfit = Outfit::bare;
   bool hair = true, shoes = true;

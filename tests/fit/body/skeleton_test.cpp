@@ -57,6 +57,30 @@ TEST(Skeleton, ForwardKinematicsReproducesTheReference) {
   }
 }
 
+TEST(Skeleton, ATurnAboutItsLengthMovesOnlyWhatHangsOnABone) {
+  PoseVector q = PoseVector::Zero();
+  for (int k = kRootDofs; k < kDofs; ++k) q[k] = 0.3 * std::sin(k * 1.7);
+  for (const int bone : {2, 7, 14, 18}) {
+    q[bones()[static_cast<std::size_t>(bone) + 1].dof[0]] = 1.2;  // a bent knee or elbow
+    PoseVector turned = q;
+    turn_about_length(bone, 0.5, turned);
+    Kinematics before, after;
+    forward_kinematics(q, average_bone_vectors(), before);
+    forward_kinematics(turned, average_bone_vectors(), after);
+    for (int b = 0; b < kBones; ++b) {
+      const double moved = (after.joint.col(b) - before.joint.col(b)).norm();
+      const bool hangs_on_it = (dof_mask(b) >> bones()[static_cast<std::size_t>(bone) + 1].dof[0] & 1u) != 0;
+      EXPECT_EQ(moved > 0.05, hangs_on_it) << b << " moved " << moved;
+      EXPECT_TRUE(hangs_on_it || moved < 1e-5) << b << " moved " << moved;
+    }
+    // By the angle that was asked for, and back again.
+    const Eigen::Matrix3d turn = after.rotation[static_cast<std::size_t>(bone)] * before.rotation[static_cast<std::size_t>(bone)].transpose();
+    EXPECT_NEAR((turn.trace() - 1) / 2, std::cos(0.5), 1e-9);
+    turn_about_length(bone, -0.5, turned);
+    EXPECT_LT((turned - q).cwiseAbs().maxCoeff(), 1e-9);
+  }
+}
+
 TEST(Skeleton, EachFixtureRowTurnsAtMostOneAngle) {
   for (const auto& row : read_fixture()) EXPECT_LE((row.q.array() != 0).count(), 1);
 }

@@ -1,6 +1,9 @@
 // The short form of booth-scan-study: people whom the model does not hold, in clothes and with holes.
 #include <gtest/gtest.h>
 
+#include <array>
+#include <utility>
+
 #include "daemon/io/model_file.hpp"
 #include "fit/body/surface_distance.hpp"
 #include "fit/cloud/cloud_builder.hpp"
@@ -87,19 +90,28 @@ bool inferred(const fit::FitResult& result, std::string_view joint) {
 }
 
 TEST(DressedScan, AMissingForearmIsNotFoldedOntoTheTrunkAndSaysSo) {
-  const DressedPerson person = dress({.body = 66, .pose = "a", .heading = 120, .seed = 66});
-  const fit::Observation scan = observed(person, {.points = kPoints, .missing = bones_missing("rforearm"), .seed = 66});
   const auto fitter = estimator(false);
-  const fit::FitResult& result = fitter->fit(scan);
-  EXPECT_EQ(result.unseen, bones_missing("rforearm"));
-  EXPECT_TRUE(inferred(result, "rwrist"));
-  EXPECT_FALSE(inferred(result, "relbow"));
-  EXPECT_FALSE(inferred(result, "lwrist"));
-  EXPECT_LT(joint_error(result, person, "rwrist"), 0.10);
-  for (const int j : fit::main_joints()) {
-    if (j == fit::joint_index("rwrist")) continue;
-    EXPECT_LT(joint_error(result, person, fit::bones()[static_cast<std::size_t>(j)].end_joint), 0.04) << j;
+  // Nothing is known of a forearm's bend: scans of one person differ by 0.4 rad, which is 10 cm. Folded onto the trunk or the upper arm it was 40 cm off,
+  // in two of these for the small share of points that it could draw to itself there.
+  constexpr std::array<std::pair<int, std::uint64_t>, 4> kScans{{{66, 66}, {66, 5}, {52, 9}, {13, 7}}};
+  double sum = 0;
+  for (const auto& [body, seed] : kScans) {
+    SCOPED_TRACE("body " + std::to_string(body) + ", seed " + std::to_string(seed));
+    const DressedPerson person = dress({.body = body, .pose = "a", .heading = 120, .seed = seed});
+    const fit::Observation scan = observed(person, {.points = kPoints, .missing = bones_missing("rforearm"), .seed = seed});
+    const fit::FitResult& result = fitter->fit(scan);
+    EXPECT_EQ(result.unseen, bones_missing("rforearm"));
+    EXPECT_TRUE(inferred(result, "rwrist"));
+    EXPECT_FALSE(inferred(result, "relbow"));
+    EXPECT_FALSE(inferred(result, "lwrist"));
+    EXPECT_LT(joint_error(result, person, "rwrist"), 0.25);
+    sum += joint_error(result, person, "rwrist");
+    for (const int j : fit::main_joints()) {
+      if (j == fit::joint_index("rwrist")) continue;
+      EXPECT_LT(joint_error(result, person, fit::bones()[static_cast<std::size_t>(j)].end_joint), 0.04) << j;
+    }
   }
+  EXPECT_LT(sum / kScans.size(), 0.10);
 }
 
 TEST(DressedScan, AMissingLegDoesNotShareThePointsOfTheOther) {

@@ -175,7 +175,7 @@ Row measure(const Options& options, int body, const std::string& pose, Outfit ou
 
 int run(const Options& options) {
   fmt::print("source {}, clothed {}, frames {}; millimetres\n", options.source, options.clothed, options.frames);
-  fmt::print("{:>5} {:<8} {:<6} {:<14} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>10} {:>7} {:>7}\n", "body", "pose", "outfit", "missing",
+  fmt::print("{:>5} {:<11} {:<6} {:<14} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>10} {:>7} {:>7}\n", "body", "pose", "outfit", "missing",
              "plain", "detail", "p95", "under", "signed", "waist", "joints", "worst", "missing", "said", "fit ms", "layer");
   const std::vector<std::string> patterns = options.missing.empty() ? std::vector<std::string>{""} : options.missing;
   for (const std::string& outfit : options.outfits)
@@ -183,7 +183,7 @@ int run(const Options& options) {
       Row mean;
       int n = 0;
       const auto print = [&](const std::string& who, const std::string& pose, const Row& r, double share) {
-        fmt::print("{:>5} {:<8} {:<6} {:<14} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.1f} {:7.1f} {:7.1f} {:7.1f} {:>4}/{:<3}+{:<2} {:7.0f} {:7.0f}\n", who,
+        fmt::print("{:>5} {:<11} {:<6} {:<14} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.2f} {:7.1f} {:7.1f} {:7.1f} {:7.1f} {:>4}/{:<3}+{:<2} {:7.0f} {:7.0f}\n", who,
                    pose, outfit, pattern, 1e3 * r.plain * share, 1e3 * r.detail * share, 1e3 * r.detail_p95 * share, 1e3 * r.under * share,
                    1e3 * r.signed_under * share, 1e3 * r.waist * share, 1e3 * r.joints * share, 1e3 * r.seen_worst * share, 1e3 * r.missing_mean * share,
                    r.said, r.missing, r.falsely, r.fit_ms * share, r.detail_ms * share);
@@ -215,7 +215,7 @@ int main(int argc, char** argv) {
   booth::tests::Options options;
   CLI::App app{"Bodies and detail layers of people with folds, hair, shoes and clothes; every number is remade by the same options."};
   app.add_option("--bodies", options.bodies, "Of the set-aside bodies, 1 to 90")->capture_default_str();
-  app.add_option("--poses", options.poses, "a, arms-up, stride, sit")->capture_default_str();
+  app.add_option("--poses", options.poses, "a, arms-up, stride, sit, or typical-N: the N-th exemplar of the pose prior")->capture_default_str();
   app.add_option("--outfits", options.outfits, "bare, tight, loose")->capture_default_str();
   app.add_option("--source", options.source, "scan or camera")->check(CLI::IsMember({"scan", "camera"}))->capture_default_str();
   app.add_flag("--clothed", options.clothed, "Fit the body under clothes");
