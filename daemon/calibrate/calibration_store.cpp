@@ -52,13 +52,25 @@ std::vector<fs::path> backups_of(const fs::path& file) {
   return kept;
 }
 
+bool holds(const fs::path& file, const std::string& bytes) {
+  try {
+    return read_file_bytes(file, kLargest) == bytes;
+  } catch (const std::exception&) {
+    return false;
+  }
+}
+
 void keep_old(const fs::path& file) {
   std::error_code error;
   if (!fs::exists(file, error)) return;
-  const std::string stem = file.stem().string() + ".before-";
-  const fs::path backup = file.parent_path() / (stem + time_of(file) + ".toml");
+  const std::string stem = file.stem().string() + ".before-" + time_of(file);
+  fs::path backup = file.parent_path() / (stem + ".toml");
   try {
-    write_file_atomically(backup, read_file_bytes(file, kLargest));
+    const std::string bytes = read_file_bytes(file, kLargest);
+    // Two may have one time: copied from a template, or made while the clock stood still.
+    for (int i = 2; fs::exists(fs::symlink_status(backup, error)) && !holds(backup, bytes); ++i)
+      backup = file.parent_path() / fmt::format("{}-{:02}.toml", stem, i);
+    write_file_atomically(backup, bytes);
   } catch (const std::exception& e) {
     throw std::runtime_error(fmt::format("the calibration before cannot be kept ({}); nothing was changed", e.what()));
   }

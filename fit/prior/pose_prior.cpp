@@ -28,8 +28,8 @@ void PosePrior::check() const {
 
 namespace {
 
-constexpr std::array<int, 4> kLongBones{2, 7, 14,
-                                        18};  // thighs and upper arms: round, so that their own points hardly tell how they are turned about their length
+// Thighs and upper arms: round, so that their own points hardly tell how they are turned about their length.
+constexpr std::array<int, 4> kLongBones{2, 7, 14, 18};
 constexpr int kTurns = 24;
 constexpr double kUnusualBend = 1.2;  // rad
 

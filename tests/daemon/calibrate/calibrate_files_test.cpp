@@ -211,6 +211,20 @@ TEST(CalibrationStore, TheOneBeforeIsKeptAndARefusedOneTouchesNothing) {
   EXPECT_EQ(std::distance(fs::directory_iterator(scratch.path), fs::directory_iterator()), 11);
 }
 
+TEST(CalibrationStore, TwoOfOneTimeAreBothKept) {
+  const Scratch scratch;
+  const fs::path file = scratch.path / "calibration.toml";
+  CalibrationRecord r = record();
+  for (const char* by : {"first", "second", "third"}) r.by = by, store_calibration(file, r);
+  EXPECT_NE(read_file_bytes(scratch.path / "calibration.before-20261128T090000Z.toml", 1u << 20).find("first"), std::string::npos);
+  EXPECT_NE(read_file_bytes(scratch.path / "calibration.before-20261128T090000Z-02.toml", 1u << 20).find("second"), std::string::npos);
+  EXPECT_EQ(restore_calibration(file).filename(), "calibration.before-20261128T090000Z-02.toml") << "the newest of them";
+  // What is kept already is not kept twice.
+  store_calibration(file, r);
+  store_calibration(file, r);
+  EXPECT_FALSE(fs::exists(scratch.path / "calibration.before-20261128T090000Z-04.toml"));
+}
+
 TEST(CalibrationStore, AFullDiskLeavesTheGoodOneAndNoRubbish) {
   const Scratch scratch;
   const fs::path file = scratch.path / "calibration.toml";
