@@ -8,7 +8,7 @@
 set -eu
 ctl() { ip netns exec visitor boothctl "$@"; }
 # How far it is, on the console only: seconds of the host.
-step() { echo "step: $1 after $(echo "$(host_time) $(stat -c %.3Y "$BOOTH_FOLDER/booted")" | awk '{ printf "%.0f", $1 - $2 }') s"; }
+step() { echo "step: $1 after $(echo "$(host_time) $(stat -c %.3Y "$BOOTH_FOLDER/booted")" | awk '{ printf "%.0f", $1 - $2 }') s, $(cut -d. -f1 /proc/uptime) of the guest's"; }
 socket=/run/boothd/control.sock
 # until_status NAME=VALUE SECONDS: boothd's status says so
 until_status() { "$programs/booth_status" $socket --until "$1" "$2" >/dev/null; }
@@ -27,13 +27,15 @@ show() { journalctl -b --no-pager -o short-precise | grep -E "boothd|booth-|udev
 within 90 active || { show; systemctl status boothd --no-pager || true; fail "boothd is not ready after the boot"; }
 : >"$BOOTH_FOLDER/ready"
 wall=$(echo "$(stat -c %.3Y "$BOOTH_FOLDER/ready") $(stat -c %.3Y "$BOOTH_FOLDER/booted")" | awk '{ printf "%.1f", $1 - $2 }')
-ready=$(systemctl show -P ActiveEnterTimestampMonotonic boothd | awk '{ printf "%.1f", $1 / 1e6 }')
+# One question of systemd for all that is asked: each costs the host a second.
+eval "$(systemctl show boothd -p ActiveEnterTimestampMonotonic,NRestarts,MainPID)"
+ready=$(awk -v a="$ActiveEnterTimestampMonotonic" 'BEGIN { printf "%.1f", a / 1e6 }')
 figure "$(cat "$BOOTH_FOLDER/what")"
 figure "READY $ready s after the kernel's start on the guest's clock, $wall s after systemd's start on the host's"
 # Sensors that are not on the bus yet end the first start (status 69); systemd makes the next.
-figure "starts of boothd until then: $(($(systemctl show -P NRestarts boothd) + 1))"
-[ "$(systemctl show -P NRestarts boothd)" -le 3 ] || { show; fail "boothd needed many starts"; }
-[ "$(stat -c %U "/proc/$(systemctl show -P MainPID boothd)")" = boothd ] || fail "boothd does not run as its user"
+figure "starts of boothd until then: $((NRestarts + 1))"
+[ "$NRestarts" -le 3 ] || { show; fail "boothd needed many starts"; }
+[ "$(stat -c %U "/proc/$MainPID")" = boothd ] || fail "boothd does not run as its user"
 [ "$(cat /sys/module/usbcore/parameters/usbfs_memory_mb)" = 256 ] || fail "the package did not raise the memory of usbfs"
 running || { boothctl status; show; fail "not all four cameras run"; }
 ls /dev/boothd | sed 's/^/figure: \/dev\/boothd\//' | head -4
