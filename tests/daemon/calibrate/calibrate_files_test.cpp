@@ -309,12 +309,14 @@ TEST(CalibrationStore, WhatIsDamagedAndHasNoTimeIsKeptUnderTheTimeOfItsFile) {
   store_calibration(file, record());
   std::string text = read_file_bytes(file, 1u << 20);
   text.replace(text.find("2026-11-28T"), 4, "9999");  // it has a time, which is not to be trusted
+  int files = 1;
   for (const auto& [damaged, name] : {std::pair{std::string("half a fi"), "20260921T141320Z"}, std::pair{text, "20260921T141320Z-02"}}) {
     write_file_atomically(file, damaged);
     const timespec when[2] = {{1'790'000'000, 0}, {1'790'000'000, 0}};
     ASSERT_EQ(::utimensat(AT_FDCWD, file.c_str(), when, 0), 0);
     store_calibration(file, record());
     EXPECT_EQ(read_file_bytes(scratch.path / (std::string("calibration.before-") + name + ".toml"), 1u << 20), damaged);
+    EXPECT_EQ(std::distance(fs::directory_iterator(scratch.path), fs::directory_iterator()), ++files);
   }
 }
 

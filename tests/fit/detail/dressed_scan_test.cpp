@@ -91,11 +91,16 @@ bool inferred(const fit::FitResult& result, std::string_view joint) {
 
 TEST(DressedScan, AMissingForearmIsNotFoldedOntoTheTrunkAndSaysSo) {
   const auto fitter = estimator(false);
-  // Nothing is known of a forearm's bend: scans of one person differ by 0.4 rad, which is 10 cm. Folded onto the trunk or the upper arm it was 40 cm off,
+  // Nothing is known of a forearm's bend: scans of one person differ by half a radian, which is 13 cm. Folded onto the trunk or the upper arm it was 40 cm off,
   // in two of these for the small share of points that it could draw to itself there.
-  constexpr std::array<std::pair<int, std::uint64_t>, 4> kScans{{{66, 66}, {66, 5}, {52, 9}, {13, 7}}};
+  struct Scan {
+    int body;
+    std::uint64_t seed;
+    double wrist;  ///< m it may be off
+  };
+  constexpr std::array<Scan, 4> kScans{{{66, 66, 0.10}, {66, 5, 0.25}, {52, 9, 0.25}, {13, 7, 0.25}}};
   double sum = 0;
-  for (const auto& [body, seed] : kScans) {
+  for (const auto& [body, seed, wrist] : kScans) {
     SCOPED_TRACE("body " + std::to_string(body) + ", seed " + std::to_string(seed));
     const DressedPerson person = dress({.body = body, .pose = "a", .heading = 120, .seed = seed});
     const fit::Observation scan = observed(person, {.points = kPoints, .missing = bones_missing("rforearm"), .seed = seed});
@@ -104,7 +109,7 @@ TEST(DressedScan, AMissingForearmIsNotFoldedOntoTheTrunkAndSaysSo) {
     EXPECT_TRUE(inferred(result, "rwrist"));
     EXPECT_FALSE(inferred(result, "relbow"));
     EXPECT_FALSE(inferred(result, "lwrist"));
-    EXPECT_LT(joint_error(result, person, "rwrist"), 0.25);
+    EXPECT_LT(joint_error(result, person, "rwrist"), wrist);
     sum += joint_error(result, person, "rwrist");
     for (const int j : fit::main_joints()) {
       if (j == fit::joint_index("rwrist")) continue;

@@ -7,7 +7,7 @@
 # needs: usb_sensors light_watch booth_status boothd boothctl
 set -eu
 ctl() { ip netns exec visitor boothctl "$@"; }
-# How far it is, on the console only: seconds of the host.
+# How far it is, on the console only: seconds on the host's clock and on the guest's.
 step() { echo "step: $1 after $(echo "$(host_time) $(stat -c %.3Y "$BOOTH_FOLDER/booted")" | awk '{ printf "%.0f", $1 - $2 }') s, $(cut -d. -f1 /proc/uptime) of the guest's"; }
 socket=/run/boothd/control.sock
 # until_status NAME=VALUE SECONDS: boothd's status says so
@@ -27,7 +27,7 @@ show() { journalctl -b --no-pager -o short-precise | grep -E "boothd|booth-|udev
 within 90 active || { show; systemctl status boothd --no-pager || true; fail "boothd is not ready after the boot"; }
 : >"$BOOTH_FOLDER/ready"
 wall=$(echo "$(stat -c %.3Y "$BOOTH_FOLDER/ready") $(stat -c %.3Y "$BOOTH_FOLDER/booted")" | awk '{ printf "%.1f", $1 - $2 }')
-# One question of systemd for all that is asked: each costs the host a second.
+# One question of systemd for all that is asked.
 eval "$(systemctl show boothd -p ActiveEnterTimestampMonotonic,NRestarts,MainPID)"
 ready=$(awk -v a="$ActiveEnterTimestampMonotonic" 'BEGIN { printf "%.1f", a / 1e6 }')
 figure "$(cat "$BOOTH_FOLDER/what")"
