@@ -18,6 +18,8 @@ using namespace booth;
 using namespace booth::drivers;
 using namespace booth::drivers::kinect2;
 
+constexpr double kFramesPerSecond = 30, kPacketSeconds = 125e-6;  // of a sensor
+
 drivers::Person somebody() {
   const auto directory = daemon::find_models("");
   daemon::TestBody body = daemon::load_test_body(directory / "test_bodies.npz", 3);
@@ -26,11 +28,13 @@ drivers::Person somebody() {
   return make_person("test:3", std::move(model), std::move(body.rest), body.rest_joints, std::move(motion));
 }
 
+/// Slower sensors are slower as a whole, packets included: the empty ones between frames would cost a guest more than the full ones.
 void serve(double rate, const sigset_t& signals) {
   const auto clock = std::make_shared<SystemClock>();
   const auto box = emulator::make_vhci_box(clock);
   auto sensors = emulator::make_emulated_sensors({}, {somebody()}, rate, clock);
-  for (auto& device : sensors.devices) box->plug(box->add({.device = std::move(device)}));
+  const auto packet_time = hal::from_seconds(kPacketSeconds * kFramesPerSecond / rate);
+  for (auto& device : sensors.devices) box->plug(box->add({.device = std::move(device), .packet_time = packet_time}));
   std::puts("plugged in");
   std::fflush(stdout);
   int signal = 0;

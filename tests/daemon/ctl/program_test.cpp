@@ -399,6 +399,28 @@ TEST_F(ProgramTest, WhatIsMadeIsToldAsJson) {
   EXPECT_TRUE(json::accept(output)) << output;
 }
 
+TEST_F(ProgramTest, ASessionIsExportedToSeveralFormatsAtOnce) {
+  const std::string session = BOOTH_SOURCE_DIR "/tests/daemon/state/version-1/session";
+  const auto out = folder.path / "out";
+  std::filesystem::create_directory(out);
+  ASSERT_EQ(run("boothctl", {"export", session, "--format", "bvh,csv,glb", "--out", out.string(), "--json"}), 0) << output;
+  std::istringstream lines(output);
+  std::vector<std::string> formats;
+  for (std::string line; std::getline(lines, line);) {
+    const json j = json::parse(line);
+    formats.push_back(j["format"]);
+    EXPECT_EQ(j["file"], (out / ("session." + formats.back())).string());
+    ASSERT_EQ(run("boothctl", {"export", session, "--format", formats.back(), "--out", (folder.path / "alone").string()}), 0) << output;
+    EXPECT_EQ(read_text(out / ("session." + formats.back())), read_text(folder.path / "alone")) << formats.back();
+  }
+  EXPECT_EQ(formats, (std::vector<std::string>{"bvh", "csv", "glb"}));
+  // Several files in one would be the last of them.
+  EXPECT_EQ(run("boothctl", {"export", session, "--format", "bvh,csv", "--out", (folder.path / "both").string()}), 1);
+  EXPECT_NE(output.find("is no folder"), std::string::npos) << output;
+  EXPECT_FALSE(std::filesystem::exists(folder.path / "both"));
+  EXPECT_EQ(run("boothctl", {"export", session, "--format", "bvh,obj", "--out", out.string()}), 64);
+}
+
 TEST_F(ProgramTest, ASupportBundleTakesNoFileThatIsNoCalibration) {
   // boothd may put a link in the calibration's place, and root writes the bundle.
   const auto secret = folder.write("shadow", "root:secret-hash:1\n");

@@ -28,4 +28,7 @@ light = "lamp"
 [dds]
 interface = "booth0"
 EOT
+# Nobody mounts a booth without its sensors; one whose sensors come late is tried in usb-boothd.
+on_the_bus() { local found=(/sys/bus/usb/devices/[0-9]*-[0-9]); [ ${#found[@]} -ge 4 ]; }
+within 30 on_the_bus
 udevadm settle --timeout=30
