@@ -16,6 +16,7 @@
 #include "daemon/pipeline/estimator_fitter.hpp"
 #include "drivers/synthetic/renderer.hpp"
 #include "drivers/synthetic/scene.hpp"
+#include "fit/body/exact_math.hpp"
 #include "fit/cloud/cloud_builder.hpp"
 
 namespace booth::tests {
@@ -55,7 +56,7 @@ class Waves {
   }
   float at(const Eigen::Vector3f& p) const {
     float sum = 0;
-    for (std::size_t i = 0; i < wave_.size(); ++i) sum += std::cos(wave_[i].dot(p) + phase_[i]);
+    for (std::size_t i = 0; i < wave_.size(); ++i) sum += static_cast<float>(fit::exact_sincos(static_cast<double>(wave_[i].dot(p) + phase_[i])).cos);
     return sum * std::sqrt(2.0f / kCount);
   }
 
@@ -246,15 +247,14 @@ Eigen::Matrix3Xf scan_of(const DressedPerson& person, const ScanRequest& request
     }
   }
   std::vector<Eigen::Vector3f> points;
-  const auto noise = [&](const Eigen::Vector3f& p) {
-    return Eigen::Vector3f(p + request.noise * Eigen::Vector3d(dice.normal(), dice.normal(), dice.normal()).cast<float>());
-  };
+  const auto noise = [&] { return Eigen::Vector3f(request.noise * Eigen::Vector3d(dice.normal(), dice.normal(), dice.normal()).cast<float>()); };
   for (int i = 0; i < request.points; ++i) {
+    // All of a point's numbers are drawn before anything is decided about it: where one machine rounds otherwise than another, that point differs and no later one.
     const auto f = static_cast<Eigen::Index>(std::lower_bound(end.begin(), end.end(), dice.uniform() * area) - end.begin());
     const auto t = faces.col(std::min(f, faces.cols() - 1));
     float s = static_cast<float>(dice.uniform()), r = static_cast<float>(dice.uniform());
     if (s + r > 1) s = 1 - s, r = 1 - r;
-    const Eigen::Vector3f p = v.col(t[0]) + s * (v.col(t[1]) - v.col(t[0])) + r * (v.col(t[2]) - v.col(t[0]));
+    const Eigen::Vector3f p = v.col(t[0]) + s * (v.col(t[1]) - v.col(t[0])) + r * (v.col(t[2]) - v.col(t[0])), moved = p + noise();
     if (!owner.empty() && (request.missing >> owner[static_cast<std::size_t>(std::min(f, faces.cols() - 1) / 4)] & 1u) != 0) continue;
     if (!request.side.isZero() && (v.col(t[1]) - v.col(t[0])).cross(v.col(t[2]) - v.col(t[0])).dot(request.side) <= 0) continue;
     if (std::any_of(holes.begin(), holes.end(), [&](const auto& h) { return (p - h.first).norm() < h.second; })) continue;
@@ -263,13 +263,14 @@ Eigen::Matrix3Xf scan_of(const DressedPerson& person, const ScanRequest& request
       const float part = (p - elbow).dot(along) / along.squaredNorm();
       if (part > 0 && (p - elbow - part * along).norm() < 0.12f) continue;
     }
-    points.push_back(noise(p));
+    points.push_back(moved);
   }
   if (request.floor) {
     const Eigen::Vector3f middle(static_cast<float>(person.q[0]), 0, static_cast<float>(person.q[2]));
     for (int i = 0; i < request.points / 4; ++i) {
       const double turn = dice.between(0, 2 * std::numbers::pi), radius = std::sqrt(dice.uniform());
-      points.push_back(noise(middle + Eigen::Vector3f(static_cast<float>(radius * std::cos(turn)), 0, static_cast<float>(radius * std::sin(turn)))));
+      const fit::SinCos at = fit::exact_sincos(turn);
+      points.push_back(middle + Eigen::Vector3f(static_cast<float>(radius * at.cos), 0, static_cast<float>(radius * at.sin)) + noise());
     }
   }
   Eigen::Matrix3Xf out(3, static_cast<Eigen::Index>(points.size()));
