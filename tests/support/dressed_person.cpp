@@ -249,7 +249,8 @@ Eigen::Matrix3Xf scan_of(const DressedPerson& person, const ScanRequest& request
   std::vector<Eigen::Vector3f> points;
   const auto noise = [&] { return Eigen::Vector3f(request.noise * Eigen::Vector3d(dice.normal(), dice.normal(), dice.normal()).cast<float>()); };
   for (int i = 0; i < request.points; ++i) {
-    // All of a point's numbers are drawn before anything is decided about it: where one machine rounds otherwise than another, that point differs and no later one.
+    // All of a point's numbers are drawn before anything is decided about it: where one machine rounds otherwise than another, that point differs and no later
+    // one.
     const auto f = static_cast<Eigen::Index>(std::lower_bound(end.begin(), end.end(), dice.uniform() * area) - end.begin());
     const auto t = faces.col(std::min(f, faces.cols() - 1));
     float s = static_cast<float>(dice.uniform()), r = static_cast<float>(dice.uniform());
