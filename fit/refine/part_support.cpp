@@ -32,6 +32,8 @@ constexpr std::array<BoneSet, 11> kPartBones{
     bits({22, 23}),                         // neck and head
 };
 
+constexpr std::array<BoneSet, 4> kLimbs{bits({2, 3, 4, 5}), bits({7, 8, 9, 10}), bits({14, 15, 16}), bits({18, 19, 20})};
+
 int part_of(int bone) {
   for (std::size_t p = 0; p < kPartBones.size(); ++p)
     if ((kPartBones[p] >> bone & 1u) != 0) return static_cast<int>(p);
@@ -89,6 +91,13 @@ BoneSet PartSupport::unseen(const Poser& poser, const Cloud& cloud, bool right_f
     }
     if (own[at] < fewest) out |= kPartBones[at];
   }
+  return out;
+}
+
+BoneSet whole_limbs(BoneSet unseen) {
+  BoneSet out = unseen;
+  for (const BoneSet limb : kLimbs)
+    if ((unseen & limb) != 0) out |= limb;
   return out;
 }
 

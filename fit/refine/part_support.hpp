@@ -33,4 +33,7 @@ class PartSupport {
   std::array<int, kSamples> nearest_{};  ///< part whose vertex is nearest to a point, or -1
 };
 
+/// With an arm's or a leg's unseen part all of it: what else the cloud seems to show of it may be drawn from its neighbours.
+BoneSet whole_limbs(BoneSet unseen);
+
 }  // namespace booth::fit

@@ -235,7 +235,7 @@ Solution BoothFitter::start(const Observation& observation, BoothFitter* other_m
   if (count == 1 && best.report.data > kDoubtfulData && !find_lost_limbs(observation, start_schedule_, nullptr, true, kLimbGain, best))
     refine_fine(observation, start_schedule_, {}, nullptr, best);  // the refiner has to stand at the solution
   leave_out_unseen(observation, start_schedule_, best);
-  if (best.report.unexplained > kHalfUnexplained) start_from_top(observation, best);
+  if (best.report.unexplained > kHalfUnexplained || (best.unseen & kLegs) != 0) start_from_top(observation, best);
   undress(observation, best);
   refuse_strange(best);
   return best;
@@ -256,7 +256,8 @@ void BoothFitter::start_from_top(const Observation& observation, Solution& solut
   other.iterations += solution.iterations;
   refine_fine(observation, start_schedule_, {}, nullptr, other);
   leave_out_unseen(observation, start_schedule_, other);
-  if (other.report.data < kTopGain * solution.report.data) {
+  const double loss = other.report.data / solution.report.data;
+  if (loss < kTopGain || (loss <= kUnseenLoss && other.report.energy < solution.report.energy)) {
     solution = other;
     finalists_[0] = finalist;
     finalist_count_ = 1;
@@ -398,8 +399,9 @@ void BoothFitter::leave_out_unseen(const Observation& observation, const RefineS
   if (!observation.views.empty() || !parts_.two_sided || !parts_.refinement) return;
   for (int round = 0; round < kUnseenRounds; ++round) {
     const BoneSet left_first = support_.unseen(fine_.poser(), observation.cloud, false), right_first = support_.unseen(fine_.poser(), observation.cloud, true);
-    // A limb that lies folded beside another draws points from it, and has its support by them.
-    const std::array<BoneSet, 3> sets{left_first, right_first, left_first | unusual_limbs(prior_, weights_.pose_outside, weights_.pose_inside, solution.q)};
+    // A limb that lies folded beside another draws points from it, and has its support by them; so does what is left of one that is folded into the trunk.
+    const std::array<BoneSet, 4> sets{left_first, right_first, left_first | unusual_limbs(prior_, weights_.pose_outside, weights_.pose_inside, solution.q),
+                                      whole_limbs(left_first)};
     Solution best;
     bool tried = false, accepted = false, at_best = false;
     for (auto set = sets.begin(); set != sets.end(); ++set) {

@@ -132,14 +132,23 @@ TEST(DressedScan, AMissingLegDoesNotShareThePointsOfTheOther) {
 }
 
 TEST(DressedScan, HalfAPersonIsFoundByTheHead) {
-  const DressedPerson person = dress({.body = 13, .pose = "stride", .heading = 160, .seed = 13});
-  const fit::Observation scan = observed(person, {.points = kPoints, .missing = bones_missing("legs"), .seed = 13});
   const auto fitter = estimator(false);
-  const fit::FitResult& result = fitter->fit(scan);
-  EXPECT_EQ(result.unseen, bones_missing("legs"));
-  for (const char* joint : {"head_base", "chest_top", "lelbow", "relbow", "lwrist", "rwrist"}) {
-    EXPECT_FALSE(inferred(result, joint)) << joint;
-    EXPECT_LT(joint_error(result, person, joint), 0.04) << joint;
+  // In all but the first a leg was folded into the trunk and half of it passed for seen, or the whole body was astray.
+  struct Scan {
+    int body;
+    const char* pose;
+    std::uint64_t seed;
+  };
+  for (const auto& [body, pose, seed] : {Scan{13, "stride", 13}, Scan{13, "stride", 9}, Scan{13, "stride", 23}, Scan{13, "a", 5}, Scan{52, "a", 19}}) {
+    SCOPED_TRACE("body " + std::to_string(body) + ", " + pose + ", seed " + std::to_string(seed));
+    const DressedPerson person = dress({.body = body, .pose = pose, .heading = 160, .seed = seed});
+    const fit::Observation scan = observed(person, {.points = kPoints, .missing = bones_missing("legs"), .seed = seed});
+    const fit::FitResult& result = fitter->fit(scan);
+    EXPECT_EQ(result.unseen, bones_missing("legs"));
+    for (const char* joint : {"head_base", "chest_top", "lelbow", "relbow", "lwrist", "rwrist"}) {
+      EXPECT_FALSE(inferred(result, joint)) << joint;
+      EXPECT_LT(joint_error(result, person, joint), 0.04) << joint;
+    }
   }
 }
 
@@ -153,17 +162,24 @@ TEST(DressedScan, ALimbUnderClothesIsWhereItsSleeveIs) {
 }
 
 TEST(DressedScan, TheBodyUnderLooseClothesIsNotInflated) {
-  const DressedPerson person = dress({.body = 16, .pose = "a", .heading = 40, .outfit = Outfit::loose, .seed = 16});
-  const fit::Observation scan = observed(person, {.points = kPoints, .seed = 16});
-  const double truth = person.measures[static_cast<std::size_t>(fit::Measure::waist_girth)];
   const auto naked = estimator(false), clothed = estimator(true);
-  const fit::FitResult& plain = naked->fit(scan);
-  EXPECT_GT(waist(naked->model(), plain.beta), truth + 0.06) << "without the option the clothes are taken for the body";
-  const fit::FitResult& under = clothed->fit(scan);
-  EXPECT_NEAR(waist(clothed->model(), under.beta), truth, 0.03);
-  fit::DetailLayer layer(clothed->model());
-  layer.fit(scan, under.beta, under.q);
-  EXPECT_LT(layer.distances(scan.cloud, under.beta, under.q).mean, 0.004) << "the clothes are the detail";
+  // A scan's own folds decide about centimetres of its waist: of one person's scans in other clothes one in four is more than 3 cm off.
+  constexpr std::array<std::uint64_t, 4> kSeeds{15, 16, 17, 18};
+  double sum = 0;
+  for (const std::uint64_t seed : kSeeds) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const DressedPerson person = dress({.body = 16, .pose = "a", .heading = 40, .outfit = Outfit::loose, .seed = seed});
+    const fit::Observation scan = observed(person, {.points = kPoints, .seed = seed});
+    const double truth = person.measures[static_cast<std::size_t>(fit::Measure::waist_girth)];
+    const fit::FitResult& plain = naked->fit(scan);
+    EXPECT_GT(waist(naked->model(), plain.beta), truth + 0.06) << "without the option the clothes are taken for the body";
+    const fit::FitResult& under = clothed->fit(scan);
+    sum += std::abs(waist(clothed->model(), under.beta) - truth);
+    fit::DetailLayer layer(clothed->model());
+    layer.fit(scan, under.beta, under.q);
+    EXPECT_LT(layer.distances(scan.cloud, under.beta, under.q).mean, 0.004) << "the clothes are the detail";
+  }
+  EXPECT_LT(sum / kSeeds.size(), 0.03);
 }
 
 }  // namespace
