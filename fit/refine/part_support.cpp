@@ -32,7 +32,8 @@ constexpr std::array<BoneSet, 11> kPartBones{
     bits({22, 23}),                         // neck and head
 };
 
-constexpr std::array<BoneSet, 4> kLimbs{bits({2, 3, 4, 5}), bits({7, 8, 9, 10}), bits({14, 15, 16}), bits({18, 19, 20})};
+constexpr std::array<BoneSet, 4> kLimbs{kPartBones[0] | kPartBones[1] | kPartBones[2], kPartBones[3] | kPartBones[4] | kPartBones[5],
+                                        kPartBones[6] | kPartBones[7], kPartBones[8] | kPartBones[9]};
 
 int part_of(int bone) {
   for (std::size_t p = 0; p < kPartBones.size(); ++p)

@@ -98,7 +98,7 @@ TEST(DressedScan, AMissingForearmIsNotFoldedOntoTheTrunkAndSaysSo) {
     std::uint64_t seed;
     double wrist;  ///< m it may be off
   };
-  constexpr std::array<Scan, 4> kScans{{{66, 66, 0.10}, {66, 5, 0.20}, {52, 9, 0.20}, {52, 10, 0.20}}};
+  constexpr std::array<Scan, 5> kScans{{{66, 66, 0.10}, {66, 5, 0.20}, {13, 7, 0.20}, {52, 9, 0.20}, {52, 10, 0.20}}};
   double sum = 0;
   for (const auto& [body, seed, wrist] : kScans) {
     SCOPED_TRACE("body " + std::to_string(body) + ", seed " + std::to_string(seed));
